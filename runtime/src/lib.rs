@@ -1,0 +1,16 @@
+//! Runs exported networks on captures: images and cameras in, bodies and meshes out.
+
+pub mod capture;
+pub mod contract;
+pub mod error;
+pub mod file;
+pub mod image_input;
+pub mod implicit_field;
+pub mod inside;
+pub mod library;
+pub mod marching_cubes;
+pub mod mesh;
+pub mod reconstruct;
+pub mod render;
+pub mod session;
+pub mod voxelize;
