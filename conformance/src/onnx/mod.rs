@@ -1,0 +1,15 @@
+//! The ONNX container: read for the weights and operators of a graph, written for graphs of a few nodes.
+//!
+//! | file | is |
+//! |---|---|
+//! | [`message`] | the container's messages, field for field |
+//! | [`model`] | a file read and checked: operators, constants, properties |
+//! | [`constant`] | a constant tensor's elements as numbers |
+//! | [`builder`] | graphs built in memory, to run one operator alone |
+//! | [`expose`] | the same file with every intermediate tensor as an output |
+
+pub mod builder;
+pub mod constant;
+pub mod expose;
+pub mod message;
+pub mod model;
