@@ -5,6 +5,9 @@
 //! | [`mesh`] | area, volume, normals, affine images |
 //! | [`bounding_box`] | the smallest box around points |
 //! | [`topology`] | closed? one piece? which Euler characteristic? |
+//! | [`distance`] | the nearest point of a triangle |
+//! | [`aabb_tree`] | the nearest point of a whole surface |
+//! | [`sampling`] | random points of a surface or a box |
 //! | [`inside`] | is this point inside? (exact winding number by counting ray crossings) |
 //! | [`winding_number`] | the same as a real number by solid angles: the slow definition |
 //! | [`cube`] | where a body sits in the cells of a voxel grid |
@@ -12,13 +15,16 @@
 //! | [`marching_cubes`] | the level set of a sampled field (Li 2021, ch. 5 and 6) |
 //! | [`marching_cubes_tables`] | its 256 cases, derived from one rule |
 
+pub mod aabb_tree;
 pub mod bounding_box;
 pub mod cube;
+pub mod distance;
 pub mod inside;
 pub mod marching_cubes;
 pub mod marching_cubes_tables;
 pub mod mesh;
 mod ray_crossings;
+pub mod sampling;
 pub mod topology;
 pub mod voxelize;
 pub mod winding_number;
