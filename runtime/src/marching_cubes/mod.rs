@@ -42,8 +42,8 @@ impl Lattice for ArrayView3<'_, f32> {
 
 /// The closed mesh of {value > level} of an array `[x][y][z]`, in array-index units.
 ///
-/// Vertices are numbered in the order in which the cells, scanned x-major (z fastest), meet their edges; within a
-/// cell, edges and triangles follow the case table. An array with no inside point gives an empty mesh, one with no
+/// Vertices are ordered by the lower end (i, j, k) of their lattice edge, then by its axis; triangles by the lowest
+/// corner of their cell, then as in the case table; both start with the surrounding layer at −1. An array with no inside point gives an empty mesh, one with no
 /// outside point its bounding box; [`check_level_is_reached`] refuses both.
 ///
 /// # Errors
@@ -131,8 +131,9 @@ pub fn extract(lattice: &impl Lattice, cells: &[[i32; 3]], level: f32) -> Result
     if !level.is_finite() {
         return Err(Error::Unanswerable(format!("the level is {level}: it must be finite")));
     }
-    let mut mesh = Mesh::default();
-    let mut vertex_of_edge: HashMap<([i32; 3], usize), u32> = HashMap::new();
+    let mut crossed: Vec<(LatticeEdge, [f32; 3])> = Vec::new();
+    let mut number_of_edge: HashMap<LatticeEdge, u32> = HashMap::new();
+    let mut faces: Vec<[u32; 3]> = Vec::new();
     for cell in cells {
         let corner =
             |c: u8| -> [i32; 3] { std::array::from_fn(|axis| cell[axis] + i32::from(c >> axis & 1)) };
@@ -140,25 +141,43 @@ pub fn extract(lattice: &impl Lattice, cells: &[[i32; 3]], level: f32) -> Result
         let is_inside = |c: u8| values[c as usize].is_some_and(|value| value > level);
         let case = (0..8).filter(|&c| is_inside(c)).fold(0, |case, c| case | 1 << c);
 
-        let mut vertices = [0; 12];
+        let mut numbers = [0; 12];
         for (edge, [low, high]) in EDGE_CORNERS.into_iter().enumerate() {
             if is_inside(low) == is_inside(high) {
                 continue;
             }
-            let axis = edge / 4;
-            let next = u32::try_from(mesh.vertices.len())
+            let lattice_edge = (corner(low), edge / 4);
+            let next = u32::try_from(crossed.len())
                 .map_err(|_| Error::Unanswerable("the surface has more than 2³² vertices".to_string()))?;
-            vertices[edge] = *vertex_of_edge.entry((corner(low), axis)).or_insert_with(|| {
+            numbers[edge] = *number_of_edge.entry(lattice_edge).or_insert_with(|| {
+                let (point, axis) = lattice_edge;
+                let mut position = point.map(|index| index as f32);
                 let t = crossing(values[low as usize], values[high as usize], level);
-                let mut position = corner(low).map(|index| index as f32);
-                position[axis] = (f64::from(corner(low)[axis]) + t) as f32;
-                mesh.vertices.push(position);
+                position[axis] = (f64::from(point[axis]) + t) as f32;
+                crossed.push((lattice_edge, position));
                 next
             });
         }
-        mesh.faces.extend(CASES[case].iter().map(|triangle| triangle.map(|edge| vertices[edge as usize])));
+        faces.extend(CASES[case].iter().map(|triangle| triangle.map(|edge| numbers[edge as usize])));
     }
-    Ok(mesh)
+    Ok(in_lattice_order(&crossed, faces))
+}
+
+/// A lattice edge: its lower end and its axis.
+type LatticeEdge = ([i32; 3], usize);
+
+/// Renumbers vertices by their lattice edges, so that the order in which cells met them does not show.
+fn in_lattice_order(crossed: &[(LatticeEdge, [f32; 3])], mut faces: Vec<[u32; 3]>) -> Mesh {
+    let mut order: Vec<u32> = (0..crossed.len() as u32).collect();
+    order.sort_unstable_by_key(|&number| crossed[number as usize].0);
+    let mut new_number = vec![0; crossed.len()];
+    for (new, &old) in order.iter().enumerate() {
+        new_number[old as usize] = new as u32;
+    }
+    for number in faces.iter_mut().flatten() {
+        *number = new_number[*number as usize];
+    }
+    Mesh { vertices: order.iter().map(|&old| crossed[old as usize].1).collect(), faces }
 }
 
 /// Where the level crosses an edge, as a share of the way from its lower to its upper end; an end beyond the
