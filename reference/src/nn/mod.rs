@@ -1,1 +1,63 @@
-//! TODO
+//! The operators of the networks, with the semantics of the ONNX specification, one family a file.
+//!
+//! Every operator is a function of [`Tensor`]s whose text is generic over the number type, so that one code gives
+//! both the answer and the tolerance of the answer:
+//!
+//! | call with | get |
+//! |---|---|
+//! | `Tensor<f64>` (written `Tensor`) | the value y |
+//! | `Tensor<Rounded>` ([`Tensor::rounded`]) | y, its magnitude m and the number n of roundings that a lower precision may spend on it |
+//!
+//! An implementation in a precision with unit roundoff u — any order of its sums, any blocking, with or without fused
+//! multiply-add — answers within γ_n·m of y, γ_n = nu/(1 − nu): see [`rounded`] for the derivation.
+//! Judge a graph one operator at a time: feed each the tensors its subject really saw, which are exact.
+//!
+//! ```
+//! use vitruvian_reference::nn::{Conv, Tensor, UNIT_ROUNDOFF_F32, conv};
+//! let x = Tensor::new(&[1, 1, 4], vec![1.0, 2.0, 3.0, 4.0]);
+//! let w = Tensor::new(&[1, 1, 3], vec![1.0, 0.0, -1.0]);
+//! let same = Conv::new(1).padding(1);
+//! assert_eq!(conv(&x, &w, None, &same).data, [-2.0, -2.0, -2.0, 3.0]);
+//!
+//! let y = conv(&x.rounded(), &w.rounded(), None, &same);
+//! assert_eq!(y.values().data, [-2.0, -2.0, -2.0, 3.0]);
+//! assert_eq!(y.magnitudes().data, [2.0, 4.0, 6.0, 3.0]); // the convolution of |x| with |w|
+//! assert_eq!(y.terms().data, [1.0, 2.0, 2.0, 1.0]); // a product with zero rounds nothing
+//! assert_eq!(y.bounds(UNIT_ROUNDOFF_F32).shape, [1, 1, 4]);
+//! ```
+//!
+//! # Why no threads, no blocking, no im2col?
+//! The loops are the definition. They are ordered so that the innermost runs over contiguous pixels, which the compiler
+//! vectorises, and nothing more.
+
+pub mod activation;
+pub mod convolution;
+pub mod elementwise;
+pub mod grid_sample;
+pub mod matrix_product;
+pub mod movement;
+pub mod normalization;
+pub mod pooling;
+pub mod reduction;
+pub mod rounded;
+pub mod scalar;
+pub mod tensor;
+pub mod transposed_convolution;
+mod window;
+
+pub use activation::{leaky_relu, relu, sigmoid, softplus, tanh};
+pub use convolution::{Conv, conv};
+pub use elementwise::{add, div, mul, sub};
+pub use grid_sample::{GridSample, PaddingMode, grid_sample};
+pub use matrix_product::{gemm, linear, matmul};
+pub use movement::{concat, slice, transpose};
+pub use normalization::{batch_norm, group_norm, instance_norm, layer_norm};
+pub use pooling::{AveragePool, Pool, average_pool, max_pool};
+pub use reduction::{reduce_mean, reduce_sum};
+pub use rounded::{Rounded, UNIT_ROUNDOFF_F32, gamma};
+pub use scalar::Scalar;
+pub use tensor::Tensor;
+pub use transposed_convolution::{ConvTranspose, conv_transpose};
+
+#[cfg(test)]
+mod goldens;

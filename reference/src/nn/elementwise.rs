@@ -1,0 +1,97 @@
+//! Arithmetic element by element, with NumPy's broadcasting: an axis of length one, or a missing leading axis, repeats.
+//!
+//! Rounding: one correctly rounded operation each.
+
+use super::{Scalar, Tensor};
+
+/// a + b.
+///
+/// # Panics
+/// If the shapes do not broadcast. So do [`sub`], [`mul`] and [`div`].
+pub fn add<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+    broadcast("add", a, b, |a, b| a + b)
+}
+
+/// a − b; see [`add`].
+pub fn sub<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+    broadcast("sub", a, b, |a, b| a - b)
+}
+
+/// a × b; see [`add`].
+pub fn mul<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+    broadcast("mul", a, b, |a, b| a * b)
+}
+
+/// a ÷ b; see [`add`].
+pub fn div<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+    broadcast("div", a, b, |a, b| a / b)
+}
+
+/// The shape that two shapes broadcast to, if they do.
+pub(super) fn broadcast_shape(a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
+    let rank = a.len().max(b.len());
+    let length =
+        |shape: &[usize], axis: usize| (axis + shape.len()).checked_sub(rank).map_or(1, |i| shape[i]);
+    (0..rank)
+        .map(|axis| match (length(a, axis), length(b, axis)) {
+            (m, n) if m == n => Some(m),
+            (1, n) => Some(n),
+            (m, 1) => Some(m),
+            _ => None,
+        })
+        .collect()
+}
+
+/// The place in a tensor of this shape of an element of the broadcast shape.
+pub(super) fn broadcast_offset(shape: &[usize], index: &[usize]) -> usize {
+    let index = &index[index.len() - shape.len()..];
+    shape.iter().zip(index).fold(0, |offset, (&n, &i)| offset * n + if n == 1 { 0 } else { i })
+}
+
+fn broadcast<T: Scalar>(operator: &str, a: &Tensor<T>, b: &Tensor<T>, f: impl Fn(T, T) -> T) -> Tensor<T> {
+    if a.shape == b.shape {
+        let data = a.data.iter().zip(&b.data).map(|(&a, &b)| f(a, b)).collect();
+        return Tensor { shape: a.shape.clone(), data };
+    }
+    let shape = broadcast_shape(&a.shape, &b.shape)
+        .unwrap_or_else(|| panic!("{operator}: shapes {:?} and {:?} do not broadcast", a.shape, b.shape));
+    Tensor::from_fn(&shape, |index| {
+        f(a.data[broadcast_offset(&a.shape, index)], b.data[broadcast_offset(&b.shape, index)])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_of_length_one_and_missing_axes_repeat() {
+        let a = Tensor::new(&[2, 1, 2], vec![1.0, 2.0, 3.0, 4.0]);
+        let b = Tensor::new(&[2, 1], vec![10.0, 20.0]);
+        assert_eq!(
+            add(&a, &b),
+            Tensor::new(&[2, 2, 2], vec![11.0, 12.0, 21.0, 22.0, 13.0, 14.0, 23.0, 24.0])
+        );
+        assert_eq!(mul(&a, &Tensor::new(&[], vec![2.0])).data, [2.0, 4.0, 6.0, 8.0]);
+        assert_eq!(sub(&b, &b).data, [0.0, 0.0]);
+        assert_eq!(div(&a, &a).data, [1.0; 4]);
+    }
+
+    #[test]
+    fn each_operation_is_correctly_rounded() {
+        let a = Tensor::new(&[1], vec![3.0]).rounded();
+        let b = Tensor::new(&[1], vec![-2.5]).rounded();
+        for (y, value) in [(add(&a, &b), 0.5), (sub(&a, &b), 5.5), (mul(&a, &b), -7.5), (div(&a, &b), -1.2)] {
+            assert_eq!(
+                (y.data[0].value, y.data[0].magnitude, y.data[0].terms),
+                (value, f64::abs(value), 1.0)
+            );
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "add: shapes [2, 3] and [2] do not broadcast")]
+    fn shapes_must_broadcast() {
+        add(&Tensor::<f64>::zeros(&[2, 3]), &Tensor::zeros(&[2]));
+    }
+}

@@ -1,0 +1,222 @@
+//! Max and average pooling in one, two and three dimensions.
+//!
+//! y[n, c, j] = max or mean over k of x[n, c, j·stride + k·dilation − padding]; padding is never the maximum, and enters
+//! the mean as zeros only where asked for.
+//!
+//! # How many windows?
+//! ⌊(n + padding − extent)/stride⌋ + 1; with `ceil_mode` ⌈·⌉ instead, so that a last window may hang over the end, but none
+//! that would start in the padding after the image.
+//!
+//! Rounding: the maximum rounds nothing; the mean is a sum of its taps and a division (or a product with the reciprocal,
+//! one rounding more).
+
+use super::window::{Axis, axes, lift};
+use super::{Scalar, Tensor};
+
+/// The window of a pooling: ONNX `kernel_shape`, `strides`, `pads` (here before and after, axis by axis), `dilations`, `ceil_mode`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pool {
+    /// Taps per spatial axis.
+    pub kernel: Vec<usize>,
+    /// Pixels between neighbouring outputs.
+    pub stride: Vec<usize>,
+    /// Pixels added before and after the image.
+    pub padding: Vec<[usize; 2]>,
+    /// Pixels between neighbouring taps.
+    pub dilation: Vec<usize>,
+    /// Whether a last window may hang over the end.
+    pub ceil_mode: bool,
+}
+
+impl Pool {
+    /// Cubic windows of this side, next to each other, for this many spatial axes.
+    pub fn new(spatial: usize, side: usize) -> Pool {
+        Pool {
+            kernel: vec![side; spatial],
+            stride: vec![side; spatial],
+            padding: vec![[0, 0]; spatial],
+            dilation: vec![1; spatial],
+            ceil_mode: false,
+        }
+    }
+
+    fn axes(&self, operator: &str, x: &[usize]) -> ([Axis; 3], Vec<usize>) {
+        assert!(x.len() > 2, "{operator}: x must be [N,C,spatial…], found shape {x:?}");
+        let axes = axes(operator, &x[2..], &self.kernel, &self.stride, &self.dilation, &self.padding);
+        let size = axes[5 - x.len()..]
+            .iter()
+            .map(|axis| {
+                assert!(
+                    axis.padding[0] < axis.extent() && axis.padding[1] < axis.extent(),
+                    "{operator}: padding {:?} leaves windows of extent {} without a pixel",
+                    axis.padding,
+                    axis.extent()
+                );
+                self.outputs(axis).unwrap_or_else(|| {
+                    panic!("{operator}: the padded x {x:?} is smaller than the window {:?}", self.kernel)
+                })
+            })
+            .collect();
+        (axes, size)
+    }
+
+    fn outputs(&self, axis: &Axis) -> Option<usize> {
+        let whole = axis.outputs()?;
+        let hanging =
+            !(axis.input + axis.padding[0] + axis.padding[1] - axis.extent()).is_multiple_of(axis.stride);
+        let starts_inside = whole * axis.stride < axis.input + axis.padding[0];
+        Some(whole + usize::from(self.ceil_mode && hanging && starts_inside))
+    }
+}
+
+/// The window of an average pooling.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AveragePool {
+    /// Where the window lies.
+    pub window: Pool,
+    /// Whether taps in the padding count as zeros in the mean; taps beyond the padding (`ceil_mode`) never count.
+    pub count_include_pad: bool,
+}
+
+/// x [N,C,…] → [N,C,…], the largest value in each window; a NaN wins.
+///
+/// # Panics
+/// If the window does not fit the shape.
+///
+/// # References
+/// ONNX operator MaxPool (version 22), without the indices.
+pub fn max_pool<T: Scalar>(x: &Tensor<T>, window: &Pool) -> Tensor<T> {
+    let (axes, size) = window.axes("max_pool", &x.shape);
+    pool(x, axes, &size, |taps, _| {
+        taps.iter().copied().reduce(T::maximum).unwrap_or(T::exact(f64::NEG_INFINITY))
+    })
+}
+
+/// x [N,C,…] → [N,C,…], the mean of each window.
+///
+/// # Panics
+/// If the window does not fit the shape.
+///
+/// # References
+/// ONNX operator AveragePool (version 22).
+pub fn average_pool<T: Scalar>(x: &Tensor<T>, params: &AveragePool) -> Tensor<T> {
+    let (axes, size) = params.window.axes("average_pool", &x.shape);
+    pool(x, axes, &size, |taps, padded| {
+        let count = if params.count_include_pad { padded } else { taps.len() };
+        mean_of(taps.iter().copied().fold(T::ZERO, T::plus), count)
+    })
+}
+
+/// sum/count, however it is divided: fl(sum·fl(1/count)) has two roundings, fl(sum/count) one.
+pub(super) fn mean_of<T: Scalar>(sum: T, count: usize) -> T {
+    sum * (T::exact(1.0) / T::exact(count as f64))
+}
+
+/// Apply `reduce` to the pixels under each window and the number of its taps in the padded image.
+fn pool<T: Scalar>(
+    x: &Tensor<T>,
+    axes: [Axis; 3],
+    size: &[usize],
+    mut reduce: impl FnMut(&[T], usize) -> T,
+) -> Tensor<T> {
+    let mut y = Vec::with_capacity(x.shape[0] * x.shape[1] * size.iter().product::<usize>());
+    let [az, ay, ax] = axes;
+    let [depth, height, width] = lift(size, 1);
+    let mut taps = Vec::new();
+    for image in x.data.chunks_exact((az.input * ay.input * ax.input).max(1)) {
+        for oz in 0..depth {
+            for oy in 0..height {
+                for ox in 0..width {
+                    taps.clear();
+                    for iz in (0..az.kernel).filter_map(|k| az.tap(oz, k)) {
+                        for iy in (0..ay.kernel).filter_map(|k| ay.tap(oy, k)) {
+                            let row = &image[(iz * ay.input + iy) * ax.input..][..ax.input];
+                            taps.extend((0..ax.kernel).filter_map(|k| ax.tap(ox, k)).map(|ix| row[ix]));
+                        }
+                    }
+                    y.push(reduce(&taps, padded(&az, oz) * padded(&ay, oy) * padded(&ax, ox)));
+                }
+            }
+        }
+    }
+    Tensor::new(&[&x.shape[..2], size].concat(), y)
+}
+
+/// Taps of output o within the image and its padding.
+fn padded(axis: &Axis, o: usize) -> usize {
+    let end = axis.padding[0] + axis.input + axis.padding[1];
+    (0..axis.kernel).filter(|k| o * axis.stride + k * axis.dilation < end).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::goldens::{self, check, pattern};
+    use super::*;
+
+    #[test]
+    fn the_largest_of_each_block_survives() {
+        let x = Tensor::from_fn(&[1, 1, 4, 4], |i| (4 * i[2] + i[3]) as f64);
+        assert_eq!(max_pool(&x, &Pool::new(2, 2)).data, [5.0, 7.0, 13.0, 15.0]);
+        let negative = x.map(|v| -v);
+        let padded = Pool { padding: vec![[1, 1]; 2], ..Pool::new(2, 2) };
+        assert_eq!(max_pool(&negative, &padded).data[0], 0.0);
+        assert_eq!(max_pool(&negative, &padded).data[8], -15.0, "padding is never the maximum");
+    }
+
+    #[test]
+    fn padding_enters_the_mean_only_where_asked_for() {
+        let x = Tensor::new(&[1, 1, 3], vec![6.0, 6.0, 6.0]);
+        let window = Pool { kernel: vec![3], stride: vec![1], padding: vec![[1, 1]], ..Pool::new(1, 1) };
+        let with = |count_include_pad| {
+            average_pool(&x, &AveragePool { window: window.clone(), count_include_pad }).data
+        };
+        assert_eq!(with(true), [4.0, 6.0, 4.0]);
+        for mean in with(false) {
+            assert!((mean - 6.0).abs() < 1e-14, "{mean}");
+        }
+    }
+
+    #[test]
+    fn no_window_starts_in_the_padding_after_the_image() {
+        let ceil = |kernel, stride, padding| Pool {
+            kernel: vec![kernel],
+            stride: vec![stride],
+            padding: vec![[padding; 2]],
+            dilation: vec![1],
+            ceil_mode: true,
+        };
+        let x = |n| Tensor::from_fn(&[1, 1, n], |i| i[2] as f64);
+        assert_eq!(max_pool(&x(5), &ceil(2, 2, 0)).data, [1.0, 3.0, 4.0]);
+        // ⌈(2 + 2 − 3)/3⌉ + 1 = 2 windows, but the second would start at pixel 2 of 2.
+        assert_eq!(max_pool(&x(2), &ceil(3, 3, 1)).data, [1.0]);
+    }
+
+    #[test]
+    fn agrees_with_pytorch_in_two_and_three_dimensions() {
+        let x = pattern(&[1, 2, 7, 6], 1);
+        let window = Pool {
+            kernel: vec![3, 2],
+            stride: vec![2, 2],
+            padding: vec![[1, 1], [1, 1]],
+            dilation: vec![1, 1],
+            ceil_mode: true,
+        };
+        check(&max_pool(&x, &window), &goldens::MAX_POOL_2D);
+        for (count_include_pad, golden) in
+            [(true, &goldens::AVERAGE_POOL_2D_PADDED), (false, &goldens::AVERAGE_POOL_2D)]
+        {
+            check(&average_pool(&x, &AveragePool { window: window.clone(), count_include_pad }), golden);
+        }
+        let x = pattern(&[1, 1, 5, 4, 6], 2);
+        let dilated = Pool { dilation: vec![2, 1, 3], ceil_mode: false, ..Pool::new(3, 2) };
+        check(&max_pool(&x, &dilated), &goldens::MAX_POOL_3D);
+    }
+
+    #[test]
+    fn a_mean_counts_its_additions_and_its_division() {
+        let x = pattern(&[1, 1, 4, 4], 1).rounded();
+        let mean = average_pool(&x, &AveragePool { window: Pool::new(2, 4), count_include_pad: true });
+        assert_eq!(mean.terms().data, [15.0 + 2.0]);
+        assert_eq!(max_pool(&x, &Pool::new(2, 2)).terms().data, [0.0; 4]);
+    }
+}
