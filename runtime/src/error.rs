@@ -1,6 +1,6 @@
 //! Every failure that comes from outside, named by what it concerns.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What went wrong, where, what was expected and how to mend it.
 ///
@@ -64,6 +64,21 @@ impl Error {
             Error::Missing { .. } => 3,
             _ => 2,
         }
+    }
+
+    /// A failure to read or write `path`.
+    pub fn io(path: &Path, source: std::io::Error) -> Self {
+        Error::Io { path: path.to_owned(), source }
+    }
+
+    /// A file whose content is not what it should be.
+    pub fn file(path: &Path, message: impl Into<String>) -> Self {
+        Error::File { path: path.to_owned(), message: message.into() }
+    }
+
+    /// A camera, or one of its files, that cannot be used.
+    pub fn camera(path: &Path, camera: &str, message: impl Into<String>) -> Self {
+        Error::Camera { path: path.to_owned(), camera: camera.to_owned(), message: message.into() }
     }
 }
 

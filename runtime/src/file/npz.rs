@@ -1,0 +1,178 @@
+//! NumPy's `.npz`: a zip archive of named `.npy` arrays, stored or deflated.
+
+use std::io::{Cursor, Read, Write};
+use std::path::{Path, PathBuf};
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+use super::npy::{self, Array, Element, Values};
+use super::{atomic, read_bytes};
+use crate::error::{Error, Result};
+
+/// An archive that was opened; arrays are unpacked when asked for.
+pub struct Npz {
+    path: PathBuf,
+    archive: ZipArchive<Cursor<Vec<u8>>>,
+}
+
+impl Npz {
+    /// Opens the archive at `path`.
+    ///
+    /// # Errors
+    /// The file cannot be read, is larger than 1 GiB, or is no zip archive.
+    pub fn open(path: &Path) -> Result<Npz> {
+        let bytes = read_bytes(path, npy::MAX_BYTES)?;
+        let archive = ZipArchive::new(Cursor::new(bytes))
+            .map_err(|e| Error::file(path, format!("is no .npz archive: {e}; write it with numpy.savez")))?;
+        Ok(Npz { path: path.to_owned(), archive })
+    }
+
+    /// The names of all arrays, without `.npy`, in the archive's order.
+    pub fn names(&self) -> Vec<String> {
+        self.archive.file_names().map(|n| n.strip_suffix(".npy").unwrap_or(n).to_owned()).collect()
+    }
+
+    /// Whether there is an array of this name.
+    pub fn contains(&self, name: &str) -> bool {
+        self.archive.index_for_name(&format!("{name}.npy")).is_some()
+    }
+
+    /// The array `name`, converted to `T` as [`npy::read`] does.
+    ///
+    /// # Errors
+    /// There is no such array (the message lists those there are), or it is damaged or no array of numbers.
+    pub fn array<T: Element>(&mut self, name: &str) -> Result<Array<T>> {
+        let fail = |message: String| Error::file(&self.path, format!("array \"{name}\" {message}"));
+        let Some(index) = self.archive.index_for_name(&format!("{name}.npy")) else {
+            return Err(fail(format!("is missing; the file holds {}", self.names().join(", "))));
+        };
+        let entry = self.archive.by_index(index).map_err(|e| fail(format!("cannot be unpacked: {e}")))?;
+        // The size in the directory is a claim; the limit holds for what is really unpacked.
+        let mut bytes = Vec::new();
+        entry
+            .take(npy::MAX_BYTES + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|e| fail(format!("cannot be unpacked: {e}")))?;
+        if bytes.len() as u64 > npy::MAX_BYTES {
+            return Err(fail(format!("unpacks to more than {} bytes", npy::MAX_BYTES)));
+        }
+        npy::parse(&bytes).map_err(fail)
+    }
+
+    /// The array `name` if its shape is `expected`, where `None` stands for any length.
+    ///
+    /// # Errors
+    /// As [`Npz::array`], or the shape differs.
+    pub fn shaped<T: Element>(&mut self, name: &str, expected: &[Option<usize>]) -> Result<Array<T>> {
+        let array = self.array(name)?;
+        array
+            .check_shape(expected)
+            .map_err(|message| Error::file(&self.path, format!("array \"{name}\" {message}")))?;
+        Ok(array)
+    }
+
+    /// The file this archive was opened from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// One array to be written.
+#[derive(Clone, Copy, Debug)]
+pub struct Named<'a> {
+    /// Its key, without `.npy`.
+    pub name: &'a str,
+    /// The length of every axis.
+    pub shape: &'a [usize],
+    /// The values in C order.
+    pub values: Values<'a>,
+}
+
+/// Writes the arrays atomically, uncompressed and without time stamps: the same arrays give the same bytes.
+///
+/// # Errors
+/// As [`atomic::write`].
+///
+/// # Panics
+/// If an array's shape does not fit its values.
+pub fn write(path: &Path, arrays: &[Named<'_>]) -> Result<()> {
+    let pack = || -> zip::result::ZipResult<Vec<u8>> {
+        let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .last_modified_time(zip::DateTime::default());
+        for array in arrays {
+            archive.start_file(format!("{}.npy", array.name), options)?;
+            archive.write_all(&npy::encode(array.shape, array.values))?;
+        }
+        Ok(archive.finish()?.into_inner())
+    };
+    let bytes = pack().map_err(|e| Error::file(path, format!("cannot be packed: {e}")))?;
+    atomic::write(path, &bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sample(path: &Path) {
+        let a = Named { name: "poses", shape: &[2, 2], values: Values::F64(&[0.1, 0.2, 0.3, 0.4]) };
+        let b = Named { name: "f", shape: &[3], values: Values::U32(&[0, 1, 2]) };
+        write(path, &[a, b]).unwrap();
+    }
+
+    #[test]
+    fn arrays_are_read_back_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npz");
+        sample(&path);
+        let mut npz = Npz::open(&path).unwrap();
+        assert_eq!(npz.names(), ["poses", "f"]);
+        assert_eq!(npz.array::<f64>("poses").unwrap().values, [0.1, 0.2, 0.3, 0.4]);
+        assert_eq!(npz.shaped::<f32>("f", &[None]).unwrap().values, [0.0, 1.0, 2.0]);
+        assert!(npz.contains("f") && !npz.contains("g"));
+        assert!(
+            npz.array::<f64>("g")
+                .unwrap_err()
+                .to_string()
+                .contains("\"g\" is missing; the file holds poses, f")
+        );
+        let shape = npz.shaped::<f64>("poses", &[Some(2), Some(3)]).unwrap_err().to_string();
+        assert!(shape.contains("has the shape [2, 2], expected [2, 3]"), "{shape}");
+        let first = std::fs::read(&path).unwrap();
+        sample(&path);
+        assert_eq!(first, std::fs::read(&path).unwrap(), "same arrays, same bytes");
+    }
+
+    #[test]
+    fn deflated_arrays_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npz");
+        let mut archive = ZipWriter::new(std::fs::File::create(&path).unwrap());
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
+        archive.start_file("x.npy", options).unwrap();
+        archive.write_all(&npy::encode(&[1000], Values::F64(&[0.25; 1000]))).unwrap();
+        archive.finish().unwrap();
+        assert_eq!(Npz::open(&path).unwrap().array::<f64>("x").unwrap().values, [0.25; 1000]);
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_archives_never_panic(at in 0usize..500, to in any::<u8>(), cut in 0usize..600) {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a.npz");
+            sample(&path);
+            let mut bytes = std::fs::read(&path).unwrap();
+            let n = bytes.len();
+            bytes[at % n] = to;
+            bytes.truncate(n - cut % 50 * usize::from(cut > 300));
+            std::fs::write(&path, &bytes).unwrap();
+            if let Ok(mut npz) = Npz::open(&path) {
+                let _ = npz.array::<f64>("poses");
+                let _ = npz.array::<f32>("f");
+            }
+        }
+    }
+}
