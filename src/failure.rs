@@ -1,0 +1,29 @@
+//! Why a command ended without its result, in one line for the terminal.
+
+/// A command's failure.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// The runtime refused: a file, a camera, a graph, a missing component.
+    #[error(transparent)]
+    Runtime(#[from] vitruvian_runtime::error::Error),
+    /// The arguments or their files do not make sense together.
+    #[error("{0}")]
+    Usage(String),
+    /// A verdict that was asked for is negative.
+    #[error("{0}")]
+    Negative(String),
+}
+
+impl Failure {
+    /// 1 for a negative verdict, 2 for bad input or usage, 3 for a missing component.
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Failure::Runtime(error) => error.exit_status(),
+            Failure::Usage(_) => 2,
+            Failure::Negative(_) => 1,
+        }
+    }
+}
+
+/// A command's result.
+pub type Result<T> = std::result::Result<T, Failure>;

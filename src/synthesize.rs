@@ -1,0 +1,1 @@
+//! `vitruvian synthesize`: captures of random people, with the truth beside them.
