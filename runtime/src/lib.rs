@@ -13,4 +13,6 @@ pub mod mesh;
 pub mod reconstruct;
 pub mod render;
 pub mod session;
+#[cfg(test)]
+mod test_graph;
 pub mod voxelize;

@@ -37,7 +37,7 @@ fn file_name() -> String {
 ///
 /// # Errors
 /// [`Error::Missing`] when no usable library is found: it lists every place with what was wrong there.
-pub(crate) fn environment() -> Result<&'static Environment> {
+pub fn environment() -> Result<&'static Environment> {
     static LOADED: OnceLock<Environment> = OnceLock::new();
     static LOADING: Mutex<()> = Mutex::new(());
     if let Some(environment) = LOADED.get() {
