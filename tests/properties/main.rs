@@ -1,1 +1,3 @@
 //! Laws.
+
+mod surface;

@@ -1,6 +1,7 @@
 //! Errors of joint positions.
 //!
-//! Positions and errors are in metres, PCK and AUC in per cent, as the field prints them (MPJPE in mm: times 1000).
+//! Positions and errors are in metres, PCK and AUC in per cent, as the field prints them (MPJPE in mm: times
+//! 1000).
 
 use super::procrustes::Similarity;
 use crate::linalg::vector::{Vector3, distance, sub};
@@ -101,7 +102,8 @@ pub fn pck(errors: &[f64], threshold_m: f64) -> f64 {
 ///
 /// If there are no errors.
 pub fn auc(errors: &[f64]) -> f64 {
-    // Dividing whole millimetres by 1000 gives the same double as writing 0.06; adding up steps of 0.005 would not.
+    // Dividing whole millimetres by 1000 gives the same double as writing 0.06; adding up steps of 0.005 would
+    // not.
     let thresholds = (0..=30).map(|step| f64::from(5 * step) / 1000.0);
     thresholds.map(|threshold| pck(errors, threshold)).sum::<f64>() / 31.0
 }

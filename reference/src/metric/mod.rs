@@ -7,7 +7,8 @@
 //! | [`silhouette`] | intersection over union of masks | ch. 3 |
 //! | [`surface`] | P2S, Chamfer-L2, intersection over union of volumes | ch. 5 and 6 |
 //!
-//! Lengths are in metres throughout; what tables print in millimetres or centimetres is scaled where it is printed.
+//! Lengths are in metres throughout; what tables print in millimetres or centimetres is scaled where it is
+//! printed.
 
 pub mod joints;
 pub mod procrustes;

@@ -17,16 +17,17 @@ pub struct Similarity {
 impl Similarity {
     /// The similarity that minimises Σ ‖s·R·xᵢ + t − yᵢ‖² over rotations, scales and translations.
     ///
-    /// With aᵢ, bᵢ the points relative to their centroids x̄, ȳ and a unit quaternion q for R, the sum Σ bᵢ·(R aᵢ) is the
-    /// quadratic form qᵀNq of a symmetric 4×4 matrix N made of the sums Σ aᵢ bᵢᵀ. Its largest eigenvalue λ belongs to the best q,
-    /// and
+    /// With aᵢ, bᵢ the points relative to their centroids x̄, ȳ and a unit quaternion q for R, the sum Σ bᵢ·(R
+    /// aᵢ) is the quadratic form qᵀNq of a symmetric 4×4 matrix N made of the sums Σ aᵢ bᵢᵀ. Its largest
+    /// eigenvalue λ belongs to the best q, and
     ///
     /// ```text
     /// s = λ / Σ ‖aᵢ‖²,    t = ȳ − s·R·x̄.
     /// ```
     ///
-    /// A quaternion cannot be a reflection, so the mirror image of a pose stays an error; the usual route by singular values
-    /// needs its sign correction diag(1, 1, sign det) for that and gives the same R. If all xᵢ coincide, s = 0 and the answer is ȳ.
+    /// A quaternion cannot be a reflection, so the mirror image of a pose stays an error; the usual route by
+    /// singular values needs its sign correction diag(1, 1, sign det) for that and gives the same R. If all xᵢ
+    /// coincide, s = 0 and the answer is ȳ.
     ///
     /// # Panics
     ///
@@ -34,8 +35,8 @@ impl Similarity {
     ///
     /// # References
     ///
-    /// Horn 1987, "Closed-form solution of absolute orientation using unit quaternions". Li 2021, ch. 4, measures its
-    /// reconstruction error after this alignment.
+    /// Horn 1987, "Closed-form solution of absolute orientation using unit quaternions". Li 2021, ch. 4,
+    /// measures its reconstruction error after this alignment.
     pub fn aligning(from: &[Vector3], to: &[Vector3]) -> Similarity {
         assert_eq!(from.len(), to.len(), "Procrustes: {} points to align with {}", from.len(), to.len());
         assert!(!from.is_empty(), "Procrustes: no points to align");
@@ -85,8 +86,8 @@ const SWEEPS: usize = 12;
 
 /// The largest eigenvalue of a symmetric matrix and its unit eigenvector, by Jacobi's rotations.
 ///
-/// Each rotation by the angle φ in the plane of axes p and q makes element (p, q) zero: tan 2φ = 2 m_pq / (m_qq − m_pp),
-/// the smaller of the two angles (Golub and Van Loan 2013, section 8.5.2).
+/// Each rotation by the angle φ in the plane of axes p and q makes element (p, q) zero: tan 2φ = 2 m_pq / (m_qq
+/// − m_pp), the smaller of the two angles (Golub and Van Loan 2013, section 8.5.2).
 fn largest_eigenpair(mut m: [[f64; 4]; 4]) -> (f64, [f64; 4]) {
     // Column k is the eigenvector of m[k][k] in the making.
     let mut vectors =

@@ -8,8 +8,9 @@ use crate::surface::sampling::{SplitMix64, sample_surface};
 
 /// Means over the two directions between a predicted surface S and the true surface T.
 ///
-/// Points p are drawn area-uniformly from one surface; d is the distance to the nearest point of the *triangles* of the
-/// other, not to samples of it, so that identical surfaces are at distance 0 (to rounding) whatever the number of samples.
+/// Points p are drawn area-uniformly from one surface; d is the distance to the nearest point of the
+/// *triangles* of the other, not to samples of it, so that identical surfaces are at distance 0 (to rounding)
+/// whatever the number of samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceDistance {
     /// P2S: mean d from S to T, metres. Li 2021 prints it in cm.
@@ -18,11 +19,12 @@ pub struct SurfaceDistance {
     pub completeness: f64,
     /// Chamfer-L2: ½·mean d²(S → T) + ½·mean d²(T → S), *square* metres.
     ///
-    /// Li 2021 says centimetres, which no squared distance has, and which its own P2S rules out: the mean of d² is at
-    /// least the square of the mean, so Chamfer-L2 ≥ ½·P2S². Read as 10⁻² m² every row of its tables agrees with that bound
-    /// (erratum E15); print 100 times this number to compare with them.
+    /// Li 2021 says centimetres, which no squared distance has, and which its own P2S rules out: the mean of d²
+    /// is at least the square of the mean, so Chamfer-L2 ≥ ½·P2S². Read as 10⁻² m² every row of its tables
+    /// agrees with that bound (erratum E15); print 100 times this number to compare with them.
     pub chamfer_l2: f64,
-    /// Mean |n·n'| of the unit normals at a sample and at its nearest point, over both directions: 1 for equal surfaces.
+    /// Mean |n·n'| of the unit normals at a sample and at its nearest point, over both directions: 1 for equal
+    /// surfaces.
     pub normal_consistency: f64,
 }
 
@@ -37,8 +39,8 @@ impl SurfaceDistance {
     ///
     /// # References
     ///
-    /// Li 2021, ch. 5 and 6; Saito et al. 2019 (PIFu) for P2S; Chibane et al. 2020 (IF-Net) for Chamfer-L2 and normal
-    /// consistency, there from samples to samples.
+    /// Li 2021, ch. 5 and 6; Saito et al. 2019 (PIFu) for P2S; Chibane et al. 2020 (IF-Net) for Chamfer-L2 and
+    /// normal consistency, there from samples to samples.
     pub fn between(predicted: &Mesh, truth: &Mesh, samples: usize, seed: u64) -> Option<SurfaceDistance> {
         assert!(samples > 0, "surface distance: a mean over 0 samples");
         let mut random = SplitMix64::new(seed);
@@ -82,15 +84,16 @@ impl OneWay {
 
 /// How much wider than both meshes the box of [`volume_iou`] is, on each side, as a fraction of its extent.
 ///
-/// The padding cancels in the ratio; it is there so that a shape that fills its bounding box is still seen from outside.
+/// The padding cancels in the ratio; it is there so that a shape that fills its bounding box is still seen from
+/// outside.
 const IOU_PADDING: f64 = 0.05;
 
-/// Intersection over union |A ∩ B| / |A ∪ B| of the volumes inside two closed meshes, in 0 … 1: a fraction, although Li
-/// 2021 says "measured as cm" (erratum E16).
+/// Intersection over union |A ∩ B| / |A ∪ B| of the volumes inside two closed meshes, in 0 … 1: a fraction,
+/// although Li 2021 says "measured as cm" (erratum E16).
 ///
-/// Estimated from `points` uniform points of the box around both, padded by 5 %. With n of them in the union the standard
-/// error is √(IoU·(1 − IoU)/n): a body fills about a tenth of its box, so 10⁶ points give ±0.002 or better. None if no
-/// point is inside either mesh.
+/// Estimated from `points` uniform points of the box around both, padded by 5 %. With n of them in the union
+/// the standard error is √(IoU·(1 − IoU)/n): a body fills about a tenth of its box, so 10⁶ points give ±0.002
+/// or better. None if no point is inside either mesh.
 ///
 /// # References
 ///
@@ -137,7 +140,8 @@ mod tests {
         let bottom = Mesh { faces: whole.faces[8..10].to_vec(), ..whole.clone() };
         let found = SurfaceDistance::between(&bottom, &whole, SAMPLES, 2).unwrap();
         assert!(found.p2s < 1e-15);
-        // Mean height: ½ over the four sides, 1 on the lid, 0 on the bottom; its variance over the box is below ¼.
+        // Mean height: ½ over the four sides, 1 on the lid, 0 on the bottom; its variance over the box is below
+        // ¼.
         assert!((found.completeness - 0.5).abs() < 5.0 * 0.5 / (SAMPLES as f64).sqrt());
     }
 

@@ -1,4 +1,5 @@
-//! A tree of axis-aligned boxes over the triangles of a mesh: the nearest point of a surface without looking at all of it.
+//! A tree of axis-aligned boxes over the triangles of a mesh: the nearest point of a surface without looking at
+//! all of it.
 
 use super::bounding_box::BoundingBox;
 use super::distance::{ClosestPoint, closest_point_on_triangle};
@@ -10,9 +11,10 @@ const LEAF_SIZE: usize = 4;
 
 /// A mesh prepared for nearest-point queries.
 ///
-/// Each node holds the box around its triangles. Splitting puts the half of the triangles with the smaller centroids along
-/// the longest side of the box into one child, the other half into the other. A query descends into the nearer child first
-/// and leaves out every box that is no nearer than the nearest point found so far; what it returns is the minimum over
+/// Each node holds the box around its triangles. Splitting puts the half of the triangles with the smaller
+/// centroids along the longest side of the box into one child, the other half into the other. A query descends
+/// into the nearer child first and leaves out every box that is no nearer than the nearest point found so far;
+/// what it returns is the minimum over
 /// *all* triangles, exactly.
 ///
 /// ```

@@ -11,8 +11,9 @@ use crate::linalg::vector::{Vector3, add_scaled, scale, sub};
 ///
 /// * cell (i, j, k) has its *centre* at origin + side·((i+½)/D, (j+½)/D, (k+½)/D);
 /// * lattice point (i, j, k) of D cells, 0 ≤ i, j, k ≤ D, is at origin + side/D·(i, j, k);
-/// * the normalised coordinate 2(p − origin)/side − 1 runs from −1 to 1 between *faces* of the cube, so that the centre of
-///   cell i is (2i+1)/D − 1 on every level of a pyramid (grid sampling with `align_corners` = false).
+/// * the normalised coordinate 2(p − origin)/side − 1 runs from −1 to 1 between *faces* of the cube, so that
+///   the centre of cell i is (2i+1)/D − 1 on every level of a pyramid (grid sampling with `align_corners` =
+///   false).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cube {
     /// The corner with the least coordinates.

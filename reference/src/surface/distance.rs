@@ -43,10 +43,10 @@ impl ClosestPoint {
 /// n = (b − a) × (c − a),   α ∝ n·((b − p) × (c − p)),   β ∝ n·((c − p) × (a − p)),   γ ∝ n·((a − p) × (b − p)),
 /// ```
 ///
-/// it is the projection αa + βb + γc; else it lies on an edge. The nearest points of the three edges compete in either case.
-/// For a well-shaped triangle this changes nothing; for a needle, whose plane rounding has left uncertain, the
-/// edges are certain, and every competitor is a point of the triangle, so that the distance is never too small and too
-/// large by no more than rounding allows. A triangle without area is its longest edge.
+/// it is the projection αa + βb + γc; else it lies on an edge. The nearest points of the three edges compete in
+/// either case. For a well-shaped triangle this changes nothing; for a needle, whose plane rounding has left
+/// uncertain, the edges are certain, and every competitor is a point of the triangle, so that the distance is
+/// never too small and too large by no more than rounding allows. A triangle without area is its longest edge.
 ///
 /// # References
 ///

@@ -10,19 +10,20 @@ const DIRECTIONS: usize = 4;
 
 /// A closed mesh prepared for containment queries.
 ///
-/// The winding number of the surface round a point is counted along a ray: every triangle that the ray leaves the body by
-/// counts +1, every one by which it enters −1. Where the ray passes a triangle's edge, or the point a triangle's plane, more
-/// closely than rounding can decide, the count is given up and taken along another direction; a count that is not given
-/// up is exact (see the module `ray_crossings`). The slopes of the directions are fractional parts of square roots of primes,
-/// so that rays from lattice points do not run along the edges of meshes made on lattices.
+/// The winding number of the surface round a point is counted along a ray: every triangle that the ray leaves
+/// the body by counts +1, every one by which it enters −1. Where the ray passes a triangle's edge, or the point
+/// a triangle's plane, more closely than rounding can decide, the count is given up and taken along another
+/// direction; a count that is not given up is exact (see the module `ray_crossings`). The slopes of the
+/// directions are fractional parts of square roots of primes, so that rays from lattice points do not run along
+/// the edges of meshes made on lattices.
 ///
 /// # Conventions
 ///
 /// * Inside is where the winding number is *not zero*. So the overlap of two pieces (an arm that sinks into the
-///   trunk) is inside, as it is for a body, where the even–odd rule would call it outside; and a mesh that is inside out has
-///   the same inside. A cavity needs a wall that faces it, as every oriented mesh has.
-/// * A point for which every direction is too close to call lies on the surface, to rounding. It counts as outside, as
-///   a value equal to the level does in marching cubes.
+///   trunk) is inside, as it is for a body, where the even–odd rule would call it outside; and a mesh that is
+///   inside out has the same inside. A cavity needs a wall that faces it, as every oriented mesh has.
+/// * A point for which every direction is too close to call lies on the surface, to rounding. It counts as
+///   outside, as a value equal to the level does in marching cubes.
 /// * For a mesh with holes the answer depends on where the rays happen to leave it; use
 ///   [`winding_number`](super::winding_number::winding_number) > ½ there.
 ///

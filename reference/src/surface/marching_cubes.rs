@@ -1,8 +1,8 @@
 //! Marching cubes: the level set of a sampled field as a closed triangle mesh.
 //!
-//! The field is known at the points (i, j, k) of a lattice. A point is *inside* where its value is greater than the
-//! level (equal counts as outside). On every lattice edge with one end inside and one outside lies one vertex, where
-//! the linear interpolation of the two values meets the level:
+//! The field is known at the points (i, j, k) of a lattice. A point is *inside* where its value is greater than
+//! the level (equal counts as outside). On every lattice edge with one end inside and one outside lies one
+//! vertex, where the linear interpolation of the two values meets the level:
 //!
 //! ```text
 //! t = (level − a) / (b − a),   a at the lower end, b one step further along the axis,   vertex = lower + t·axis
@@ -12,12 +12,13 @@
 //!
 //! # Closed, always
 //!
-//! Beyond its border the field is taken as −∞, which is outside at every level. The vertex between a border point that
-//! is inside and the nothing beyond it is the limit b → −∞ of the formula, the border point itself. So a body that
-//! is cut by the border gets a flat lid in the border plane, and the mesh never leaves the box of the lattice. Together
-//! with the face rule this makes every result a closed, oriented 2-manifold: each edge has two triangles that run along it
-//! in opposite directions, and the triangles round each vertex form one fan. Where a value equals the level, or at a lid's
-//! rim, several vertices may share one *position*; triangles may have no area then, the connectivity is unaffected.
+//! Beyond its border the field is taken as −∞, which is outside at every level. The vertex between a border
+//! point that is inside and the nothing beyond it is the limit b → −∞ of the formula, the border point itself.
+//! So a body that is cut by the border gets a flat lid in the border plane, and the mesh never leaves the box
+//! of the lattice. Together with the face rule this makes every result a closed, oriented 2-manifold: each edge
+//! has two triangles that run along it in opposite directions, and the triangles round each vertex form one
+//! fan. Where a value equals the level, or at a lid's rim, several vertices may share one *position*; triangles
+//! may have no area then, the connectivity is unaffected.
 //!
 //! # Order
 //!
@@ -35,12 +36,13 @@ use super::mesh::Mesh;
 ///
 /// `values[(i·ny + j)·nz + k]` is the field at point (i, j, k), and a vertex at (i, j, k) means that point; use
 /// [`Mesh::affine`] for origin and spacing. Triangles are counter-clockwise seen from outside (value ≤ level).
-/// Infinite values are allowed and pull the vertex to the other end of the edge (to its middle if both are infinite).
+/// Infinite values are allowed and pull the vertex to the other end of the edge (to its middle if both are
+/// infinite).
 ///
 /// # Panics
 ///
-/// If the number of values is not nx·ny·nz, if the level is not finite, if a value is NaN, or if the lattice has more
-/// edges than a `u32` can number (about 1120 points an axis).
+/// If the number of values is not nx·ny·nz, if the level is not finite, if a value is NaN, or if the lattice
+/// has more edges than a `u32` can number (about 1120 points an axis).
 ///
 /// # References
 ///

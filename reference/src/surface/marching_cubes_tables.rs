@@ -18,32 +18,33 @@
 //! ```
 //!
 //! The rule reads nothing but the four corners of the face, so the two cells that share a face draw the same
-//! segments on it, walked in opposite directions: the surface has no hole, whatever the field (Lorensen and Cline's
-//! own table of 1987 does not have this property).
+//! segments on it, walked in opposite directions: the surface has no hole, whatever the field (Lorensen and
+//! Cline's own table of 1987 does not have this property).
 //!
 //! A crossed edge belongs to two faces and is entered in one of them and left in the other. Hence "entered here ↦
 //! left there" is a permutation of the crossed edges, and its cycles are the polygons.
 //!
 //! # Numbering
 //!
-//! * Corner c = x + 2y + 4z of the unit cube: bit 0 is x, bit 1 is y, bit 2 is z. Case = Σ 2ᶜ over the inside corners.
-//! * Edges 0–3 run along x at (y, z) = (0,0), (1,0), (0,1), (1,1); edges 4–7 along y at (x, z) in that order; edges
-//!   8–11 along z at (x, y) in that order.
-//! * Faces are walked counter-clockwise as seen from outside the cube; then the polygons are counter-clockwise as seen
-//!   from the outside of the *body*, which is what [`Mesh`](super::mesh::Mesh) asks for.
+//! * Corner c = x + 2y + 4z of the unit cube: bit 0 is x, bit 1 is y, bit 2 is z. Case = Σ 2ᶜ over the inside
+//!   corners.
+//! * Edges 0–3 run along x at (y, z) = (0,0), (1,0), (0,1), (1,1); edges 4–7 along y at (x, z) in that order;
+//!   edges 8–11 along z at (x, y) in that order.
+//! * Faces are walked counter-clockwise as seen from outside the cube; then the polygons are counter-clockwise
+//!   as seen from the outside of the *body*, which is what [`Mesh`](super::mesh::Mesh) asks for.
 //!
 //! # Triangles
 //!
 //! The polygons of a cell come in the order of their lowest edge. Each is cut into a fan, whose apex is the
-//! lowest-numbered edge of the polygon such that no diagonal of the fan joins two edges of one cube face. A diagonal
-//! inside a face could coincide with one of the neighbouring cell, and four triangles would meet in it; with this
-//! choice every mesh edge belongs to exactly two triangles. Such an apex exists for every polygon (18 of the 358 do not
-//! accept their lowest edge), and no case needs more than five triangles.
+//! lowest-numbered edge of the polygon such that no diagonal of the fan joins two edges of one cube face. A
+//! diagonal inside a face could coincide with one of the neighbouring cell, and four triangles would meet in
+//! it; with this choice every mesh edge belongs to exactly two triangles. Such an apex exists for every polygon
+//! (18 of the 358 do not accept their lowest edge), and no case needs more than five triangles.
 //!
 //! # References
 //!
-//! Lorensen and Cline 1987, "Marching cubes: a high resolution 3D surface construction algorithm"; Nielson and Hamann
-//! 1991, "The asymptotic decider", for the ambiguous face (we take one of its two answers always).
+//! Lorensen and Cline 1987, "Marching cubes: a high resolution 3D surface construction algorithm"; Nielson and
+//! Hamann 1991, "The asymptotic decider", for the ambiguous face (we take one of its two answers always).
 
 /// The two corners of each edge, lower coordinate first.
 pub const EDGE_CORNERS: [[usize; 2]; 12] =

@@ -6,8 +6,8 @@ use crate::linalg::vector::{Vector3, add, cross, dot, norm, scale, sub};
 
 /// Vertices and triangles; a triangle names its three corners counter-clockwise as seen from outside.
 ///
-/// `faces` hold indices into `vertices`. The methods panic, by indexing, on a face that names a vertex that is not there;
-/// [`Mesh::new`] checks this once.
+/// `faces` hold indices into `vertices`. The methods panic, by indexing, on a face that names a vertex that is
+/// not there; [`Mesh::new`] checks this once.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {
     /// Positions, V of them.
@@ -62,8 +62,9 @@ impl Mesh {
     ///
     /// V = ⅙ Σ (a − o)·((b − o) × (c − o)) over the faces abc.
     ///
-    /// By the divergence theorem the apex o does not matter if the mesh is closed; it is put at the centre of the
-    /// bounding box, so that a mesh far from the origin loses no digits. For an open mesh the number means nothing.
+    /// By the divergence theorem the apex o does not matter if the mesh is closed; it is put at the centre of
+    /// the bounding box, so that a mesh far from the origin loses no digits. For an open mesh the number means
+    /// nothing.
     pub fn signed_volume(&self) -> f64 {
         let Some(bounds) = self.bounding_box() else { return 0.0 };
         let apex = bounds.center();
@@ -79,8 +80,8 @@ impl Mesh {
         self.area_vectors().into_iter().map(unit_or_zero).collect()
     }
 
-    /// Unit normal of each vertex: the direction of the sum of the area vectors of its faces, so that large faces count
-    /// for more; zero for a vertex without faces. `V`
+    /// Unit normal of each vertex: the direction of the sum of the area vectors of its faces, so that large
+    /// faces count for more; zero for a vertex without faces. `V`
     pub fn vertex_normals(&self) -> Vec<Vector3> {
         let mut sums = vec![[0.0; 3]; self.vertices.len()];
         for (face, area_vector) in self.faces.iter().zip(self.area_vectors()) {
@@ -93,7 +94,8 @@ impl Mesh {
 
     /// The mesh with every vertex p moved to `linear`·p + `translation`.
     ///
-    /// A map with negative determinant turns a mesh inside out; its faces are then reversed, so that outside stays outside.
+    /// A map with negative determinant turns a mesh inside out; its faces are then reversed, so that outside
+    /// stays outside.
     pub fn affine(&self, linear: &Matrix3, translation: Vector3) -> Mesh {
         let map = |p: Vector3| add(matrix::apply(linear, p), translation);
         let mirrors = matrix::determinant(linear) < 0.0;

@@ -6,18 +6,20 @@
 //! (x, y, z) ↦ (u, v, w) = (x − s·z, y − t·z, z),
 //! ```
 //!
-//! which turns the rays into parallels of the w axis and changes nothing about what is inside what. A ray is then a
-//! point (u, v) of a plane, and the triangles whose shadow on that plane may cover it are found in a grid of bins.
+//! which turns the rays into parallels of the w axis and changes nothing about what is inside what. A ray is
+//! then a point (u, v) of a plane, and the triangles whose shadow on that plane may cover it are found in a
+//! grid of bins.
 //!
-//! Two determinants decide everything: on which side of a shadow's edge the ray passes ([`orient2d`]) and whether the
-//! triangle lies above or below the point ([`orient3d`]). Each is computed with a bound on its rounding error; if its
-//! sign is not certain, the answer is "too close to call" and the caller takes another direction. A certain answer is
-//! the exact one for the sheared vertices, which all triangles around them share, so no ray can slip through an edge.
+//! Two determinants decide everything: on which side of a shadow's edge the ray passes ([`orient2d`]) and
+//! whether the triangle lies above or below the point ([`orient3d`]). Each is computed with a bound on its
+//! rounding error; if its sign is not certain, the answer is "too close to call" and the caller takes another
+//! direction. A certain answer is the exact one for the sheared vertices, which all triangles around them
+//! share, so no ray can slip through an edge.
 //!
 //! # References
 //!
-//! Shewchuk 1997, "Adaptive precision floating-point arithmetic and fast robust geometric predicates", the first stage
-//! of both predicates.
+//! Shewchuk 1997, "Adaptive precision floating-point arithmetic and fast robust geometric predicates", the
+//! first stage of both predicates.
 
 use super::bounding_box::BoundingBox;
 use super::mesh::Mesh;
@@ -41,7 +43,8 @@ pub(super) struct RayCrossings {
 /// A triangle that the ray's line crosses.
 pub(super) struct Crossing {
     triangle: usize,
-    /// +1 if its shadow is counter-clockwise seen against the ray: there the ray leaves the body. −1 where it enters.
+    /// +1 if its shadow is counter-clockwise seen against the ray: there the ray leaves the body. −1 where it
+    /// enters.
     sign: i32,
 }
 
@@ -80,8 +83,8 @@ impl RayCrossings {
 
     /// Winding number at a sheared point, from the crossings of its line: the sum of the signs above it.
     ///
-    /// Every turn of the surface round the point must be left once more than it is entered on the way to infinity. None
-    /// if the point is too close to a triangle to call.
+    /// Every turn of the surface round the point must be left once more than it is entered on the way to
+    /// infinity. None if the point is too close to a triangle to call.
     pub(super) fn winding(&self, crossings: &[Crossing], point: Vector3) -> Option<i32> {
         let mut winding = 0;
         for crossing in crossings {
@@ -121,7 +124,8 @@ fn orient2d(a: Vector3, b: Vector3, p: Vector3) -> Option<i32> {
     certain_sign(left - right, ORIENT_2D_BOUND * (left.abs() + right.abs()))
 }
 
-/// Sign of (a − p)·((b − p) × (c − p)): +1 if a, b, c are counter-clockwise seen from the far side of their plane from p.
+/// Sign of (a − p)·((b − p) × (c − p)): +1 if a, b, c are counter-clockwise seen from the far side of their
+/// plane from p.
 fn orient3d(a: Vector3, b: Vector3, c: Vector3, p: Vector3) -> Option<i32> {
     let [a, b, c] = [sub(a, p), sub(b, p), sub(c, p)];
     let magnitude = |v: Vector3| v.map(f64::abs);
@@ -170,8 +174,8 @@ impl Bins {
         bins
     }
 
-    /// Column or row of a coordinate. It never decreases with the coordinate, so a point covered by a shadow falls into
-    /// one of the shadow's squares whatever the rounding.
+    /// Column or row of a coordinate. It never decreases with the coordinate, so a point covered by a shadow
+    /// falls into one of the shadow's squares whatever the rounding.
     fn square(&self, axis: usize, coordinate: f64) -> usize {
         let Some(bounds) = self.bounds else { return 0 };
         let fraction = (coordinate - bounds.min[axis]) / bounds.extent()[axis];

@@ -6,12 +6,13 @@ use crate::linalg::vector::{Vector3, add_scaled, norm, sub};
 
 /// SplitMix64: a small generator whose every seed is good, so that a result can be repeated from one number.
 ///
-/// State s is a counter with the odd step ⌊2⁶⁴/φ⌋; the output is a bijective mix of it. Period 2⁶⁴. Not for cryptography.
+/// State s is a counter with the odd step ⌊2⁶⁴/φ⌋; the output is a bijective mix of it. Period 2⁶⁴. Not for
+/// cryptography.
 ///
 /// # References
 ///
-/// Steele, Lea and Flood 2014, "Fast splittable pseudorandom number generators"; constants of Vigna's public-domain
-/// `splitmix64.c`.
+/// Steele, Lea and Flood 2014, "Fast splittable pseudorandom number generators"; constants of Vigna's
+/// public-domain `splitmix64.c`.
 #[derive(Debug, Clone)]
 pub struct SplitMix64 {
     state: u64,
@@ -61,8 +62,9 @@ pub struct SurfaceSample {
 /// p = (1 − √r₁)·a + √r₁(1 − r₂)·b + √r₁·r₂·c.
 /// ```
 ///
-/// The root makes it uniform: √r₁ is the relative size of the triangle cut off at corner a, whose area goes with its square.
-/// None if the mesh has no area (or one that is not finite): then there is nothing to draw from.
+/// The root makes it uniform: √r₁ is the relative size of the triangle cut off at corner a, whose area goes
+/// with its square. None if the mesh has no area (or one that is not finite): then there is nothing to draw
+/// from.
 ///
 /// # References
 ///

@@ -32,7 +32,8 @@ impl Topology {
     pub fn of(mesh: &Mesh) -> Topology {
         let vertex_count = mesh.faces.iter().flatten().map(|&vertex| vertex as usize + 1).max().unwrap_or(0);
         let mut pieces = Partition::new(vertex_count);
-        // Corner 3f + c is corner c of face f. Corners of one vertex that are neighbours across an edge form a fan.
+        // Corner 3f + c is corner c of face f. Corners of one vertex that are neighbours across an edge form a
+        // fan.
         let mut fans = Partition::new(3 * mesh.faces.len());
         let mut used = vec![false; vertex_count];
         let mut half_edges = Vec::with_capacity(3 * mesh.faces.len());

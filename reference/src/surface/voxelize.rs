@@ -8,8 +8,8 @@ use super::ray_crossings::RayCrossings;
 /// Occupancy of the D³ cells of a cube, D = `resolution`: 1 where the cell's *centre* is inside the mesh, else 0.
 ///
 /// The result holds cell (i, j, k) at (i·D + j)·D + k, axis 0 = x, 1 = y, 2 = z. Its centre is
-/// [`Cube::cell_center`]`([i, j, k], D)` and inside is as in [`Inside::contains`]. The cells along z share their ray, so
-/// that a column costs one search.
+/// [`Cube::cell_center`]`([i, j, k], D)` and inside is as in [`Inside::contains`]. The cells along z share
+/// their ray, so that a column costs one search.
 ///
 /// # Panics
 ///
@@ -28,7 +28,8 @@ pub fn voxelize(mesh: &Mesh, cube: &Cube, resolution: usize) -> Vec<f64> {
             let column = rays.crossings(cube.cell_center([i, j, 0], resolution));
             for k in 0..resolution {
                 let center = cube.cell_center([i, j, k], resolution);
-                // A column that runs along an edge, or a centre in a triangle's plane, is decided by other directions.
+                // A column that runs along an edge, or a centre in a triangle's plane, is decided by other
+                // directions.
                 let along_column = column.as_ref().and_then(|crossings| rays.winding(crossings, center));
                 let winding = along_column.unwrap_or_else(|| inside.winding(center));
                 values.push(if winding != 0 { 1.0 } else { 0.0 });
@@ -45,7 +46,8 @@ mod tests {
 
     #[test]
     fn a_box_fills_the_cells_whose_centres_it_holds() {
-        // 4 cells of side 1; the box reaches to x = 2.2, y = 1.6, z = 3.4, over the centres ½ … of 2, 2 and 3 cells.
+        // 4 cells of side 1; the box reaches to x = 2.2, y = 1.6, z = 3.4, over the centres ½ … of 2, 2 and 3
+        // cells.
         let mesh = cuboid([2.2, 1.6, 3.4]);
         let values = voxelize(&mesh, &Cube { origin: [0.0; 3], side: 4.0 }, 4);
         for i in 0..4 {

@@ -6,19 +6,19 @@ use std::f64::consts::PI;
 
 /// w(p) = (1/4π) Σ Ω over the faces, Ω the signed solid angle under which p sees the face.
 ///
-/// For a closed mesh w is an integer off the surface: 1 inside, 0 outside, −1 inside a mesh that is inside out, 2 where two
-/// pieces overlap. For a mesh with holes it varies smoothly, and w > ½ is a sensible inside. With a, b, c the corners seen
-/// from p,
+/// For a closed mesh w is an integer off the surface: 1 inside, 0 outside, −1 inside a mesh that is inside out,
+/// 2 where two pieces overlap. For a mesh with holes it varies smoothly, and w > ½ is a sensible inside. With
+/// a, b, c the corners seen from p,
 ///
 /// tan(Ω/2) = a·(b × c) / (|a||b||c| + (a·b)|c| + (b·c)|a| + (c·a)|b|).
 ///
-/// Takes time proportional to the number of faces; [`Inside`](super::inside::Inside) is the fast exact way for closed
-/// meshes.
+/// Takes time proportional to the number of faces; [`Inside`](super::inside::Inside) is the fast exact way for
+/// closed meshes.
 ///
 /// # References
 ///
-/// Van Oosterom and Strackee 1983, "The solid angle of a plane triangle"; Jacobson, Kavan and Sorkine-Hornung 2013,
-/// "Robust inside-outside segmentation using generalized winding numbers".
+/// Van Oosterom and Strackee 1983, "The solid angle of a plane triangle"; Jacobson, Kavan and Sorkine-Hornung
+/// 2013, "Robust inside-outside segmentation using generalized winding numbers".
 pub fn winding_number(mesh: &Mesh, point: Vector3) -> f64 {
     let solid_angles = mesh.triangles().map(|corners| {
         let [a, b, c] = corners.map(|corner| sub(corner, point));
