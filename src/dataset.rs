@@ -79,11 +79,17 @@ fn write_mf_pifu(path: &Path, scene: &Scene, size: usize, settings: &Settings, i
     let mut rng = scene_rng(settings.seed ^ 0x706f_696e_7473, index);
     let mut points: Vec<[f32; 3]> =
         NEAR.iter().flat_map(|&(count, sigma_m)| around(&mut rng, &scene.surface, count, sigma_m)).collect();
-    points.extend((0..ANYWHERE).map(|_| region.origin.map(|o| (o + region.side * rng.random::<f64>()) as f32)));
+    points
+        .extend((0..ANYWHERE).map(|_| region.origin.map(|o| (o + region.side * rng.random::<f64>()) as f32)));
     let occupancy = labels(&scene.surface, &points);
 
-    let images: Vec<u8> = views.iter().flat_map(|v| v.pixels.iter().map(|x| (x * 127.0).round() as i32 + 128)).map(|q| q.clamp(1, 255) as u8).collect();
-    let projection: Vec<f32> = views.iter().flat_map(|v| v.projection().into_iter().flatten()).map(|x| x as f32).collect();
+    let images: Vec<u8> = views
+        .iter()
+        .flat_map(|v| v.pixels.iter().map(|x| (x * 127.0).round() as i32 + 128))
+        .map(|q| q.clamp(1, 255) as u8)
+        .collect();
+    let projection: Vec<f32> =
+        views.iter().flat_map(|v| v.projection().into_iter().flatten()).map(|x| x as f32).collect();
     let mut depth_center = Vec::new();
     let mut depth_scale = Vec::new();
     for view in &views {

@@ -12,7 +12,12 @@ pub type Colour = [f32; 3];
 /// Draws one colour per vertex: a skin tone, hair on the upper head, and a colour with stripes or mottling per garment.
 ///
 /// `rest` are the V rest vertices in metres, `head` the V weights of the head joint.
-pub fn random_colours(rng: &mut impl Rng, rest: &[Vector3], head: &[f64], wardrobe: &[Garment]) -> Vec<Colour> {
+pub fn random_colours(
+    rng: &mut impl Rng,
+    rest: &[Vector3],
+    head: &[f64],
+    wardrobe: &[Garment],
+) -> Vec<Colour> {
     let tone: f32 = rng.random();
     let skin = mix([0.30, 0.19, 0.13], [0.93, 0.76, 0.65], tone);
     let hair = mix([0.08, 0.06, 0.05], [0.75, 0.6, 0.4], rng.random::<f32>().powi(2));

@@ -29,11 +29,11 @@ struct Wave {
 impl Garment {
     /// The outward offset of vertex `i`, which rests at `v`, in metres; never inward.
     pub fn offset(&self, i: usize, v: Vector3) -> f64 {
-        let wrinkle: f64 = self.wrinkles.iter().map(|w| w.height_m * (dot(w.direction, v) + w.phase).sin()).sum();
+        let wrinkle: f64 =
+            self.wrinkles.iter().map(|w| w.height_m * (dot(w.direction, v) + w.phase).sin()).sum();
         self.cover[i] * (self.thickness_m + wrinkle).max(0.0)
     }
 }
-
 
 /// Draws what a person wears: nothing (30 %), or a shirt and trousers with or without long sleeves, legs and shoes.
 ///
@@ -60,7 +60,13 @@ pub fn random_wardrobe(rng: &mut impl Rng, lbs_weights: &[f64], joints: usize) -
     parts.map(|(covered, thickness_m)| garment(rng, lbs_weights, joints, &covered, thickness_m)).into()
 }
 
-fn garment(rng: &mut impl Rng, lbs_weights: &[f64], joints: usize, covered: &[usize], thickness_m: f64) -> Garment {
+fn garment(
+    rng: &mut impl Rng,
+    lbs_weights: &[f64],
+    joints: usize,
+    covered: &[usize],
+    thickness_m: f64,
+) -> Garment {
     let cover = lbs_weights
         .chunks_exact(joints)
         .map(|row| {

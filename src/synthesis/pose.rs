@@ -113,13 +113,16 @@ pub fn limbs_are_apart(joints: &[Vector3], gap: f64) -> bool {
     let spine = [[0, 3], [3, 9], [9, 12], [12, 15]];
     let thighs = [[1, 4], [2, 5]];
     for arm in [[18, 20], [20, 22], [19, 21], [21, 23]] {
-        let far = |bones: &[[usize; 2]], gap: f64| bones.iter().all(|&bone| bone_distance(joints, arm, bone) > gap);
+        let far =
+            |bones: &[[usize; 2]], gap: f64| bones.iter().all(|&bone| bone_distance(joints, arm, bone) > gap);
         if !far(&spine, gap) || !far(&thighs, 0.7 * gap) {
             return false;
         }
     }
     let forearms_apart = bone_distance(joints, [18, 22], [19, 23]) > 0.6 * gap;
-    forearms_apart && bone_distance(joints, [4, 7], [5, 8]) > 0.5 * gap && bone_distance(joints, [7, 10], [8, 11]) > 0.4 * gap
+    forearms_apart
+        && bone_distance(joints, [4, 7], [5, 8]) > 0.5 * gap
+        && bone_distance(joints, [7, 10], [8, 11]) > 0.4 * gap
 }
 
 /// Smallest distance between two bones, sampled at eleven points of each (metres; bones are short).

@@ -11,10 +11,17 @@ const FOUR: [&str; 4] = ["front", "left", "back", "right"];
 ///
 /// The focal length makes 2.2 m fill the picture at that distance, and a camera is moved back until every one of
 /// `points` (world frame, metres) lies inside its picture by a margin of 2 %.
-pub fn random_rig(rng: &mut impl Rng, views: usize, size_px: u32, target: Vector3, points: &[Vector3]) -> Vec<Camera> {
+pub fn random_rig(
+    rng: &mut impl Rng,
+    views: usize,
+    size_px: u32,
+    target: Vector3,
+    points: &[Vector3],
+) -> Vec<Camera> {
     (0..views)
         .map(|k| {
-            let yaw = std::f64::consts::TAU * k as f64 / views as f64 + rng.random_range(-8f64..8.0).to_radians();
+            let yaw =
+                std::f64::consts::TAU * k as f64 / views as f64 + rng.random_range(-8f64..8.0).to_radians();
             let raised = rng.random_range(0f64..14.0).to_radians();
             let mut distance = rng.random_range(3.8..4.4);
             let aim: Vector3 = std::array::from_fn(|a| target[a] + rng.random_range(-0.03..0.03));
@@ -32,7 +39,13 @@ pub fn random_rig(rng: &mut impl Rng, views: usize, size_px: u32, target: Vector
 }
 
 /// A camera `distance` metres from `aim` towards heading `yaw` (0 = +Z, π/2 = +X) and `raised` above the horizon.
-fn look_at(name: &str, size_px: u32, focal_px: f64, aim: Vector3, [yaw, raised, distance]: [f64; 3]) -> Camera {
+fn look_at(
+    name: &str,
+    size_px: u32,
+    focal_px: f64,
+    aim: Vector3,
+    [yaw, raised, distance]: [f64; 3],
+) -> Camera {
     let towards = [yaw.sin() * raised.cos(), raised.sin(), yaw.cos() * raised.cos()];
     let centre: Vector3 = std::array::from_fn(|a| aim[a] + distance * towards[a]);
     let forward = scale(towards, -1.0);
@@ -53,7 +66,7 @@ fn look_at(name: &str, size_px: u32, focal_px: f64, aim: Vector3, [yaw, raised, 
 
 fn is_inside(camera: &Camera, point: Vector3) -> bool {
     let (w, h) = (f64::from(camera.width), f64::from(camera.height));
-    camera.project(point).is_some_and(|([u, v], _)| {
-        u > 0.02 * w && u < 0.98 * w && v > 0.02 * h && v < 0.98 * h
-    })
+    camera
+        .project(point)
+        .is_some_and(|([u, v], _)| u > 0.02 * w && u < 0.98 * w && v > 0.02 * h && v < 0.98 * h)
 }

@@ -84,7 +84,10 @@ impl Scene {
     pub fn photograph(&self) -> Vec<Picture> {
         let mesh = convert::mesh_to_runtime(&self.surface);
         let normals = mesh.vertex_normals();
-        self.cameras.iter().map(|camera| render(&mesh, &normals, &self.colours, camera, &self.light)).collect()
+        self.cameras
+            .iter()
+            .map(|camera| render(&mesh, &normals, &self.colours, camera, &self.light))
+            .collect()
     }
 }
 
@@ -122,5 +125,7 @@ fn extent(points: &[Vector3], axis: usize) -> f64 {
 }
 
 fn bounds(points: &[Vector3], axis: usize) -> (f64, f64) {
-    points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[axis]), high.max(p[axis])))
+    points
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[axis]), high.max(p[axis])))
 }
