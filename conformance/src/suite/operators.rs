@@ -1,0 +1,186 @@
+//! Every operator that the networks use, on random problems, with ONNX Runtime's optimisation off and on.
+
+use std::cell::RefCell;
+use std::fmt;
+
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
+
+use crate::compare::{Comparison, Expected, compare};
+use crate::engine::Optimization;
+use crate::problem::Problem;
+use crate::problem::conv::ConvProblem;
+use crate::problem::conv_transpose::ConvTransposeProblem;
+
+/// How many random problems, and which.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Draw {
+    /// Problems per operator.
+    pub cases: u32,
+    /// Where the random numbers start; the same seed draws the same problems.
+    pub seed: u64,
+}
+
+impl Draw {
+    /// `VITRUVIAN_CASES` problems from `VITRUVIAN_SEED` on, where these variables are set; else `cases` and a fixed seed.
+    ///
+    /// # Panics
+    /// When a variable is set to something that is not a number.
+    pub fn from_environment(cases: u32) -> Self {
+        fn number<T: std::str::FromStr>(name: &str, otherwise: T) -> T {
+            match std::env::var(name) {
+                Ok(text) => text.parse().unwrap_or_else(|_| panic!("{name}={text} is not a number")),
+                Err(_) => otherwise,
+            }
+        }
+        Self { cases: number("VITRUVIAN_CASES", cases), seed: number("VITRUVIAN_SEED", 20_210_615) }
+    }
+
+    /// A source of problems for one operator, independent of the others.
+    pub(crate) fn runner(&self, operator: &str) -> TestRunner {
+        let mut seed = [0; 32];
+        seed[..8].copy_from_slice(&self.seed.to_le_bytes());
+        for (i, byte) in operator.bytes().enumerate() {
+            seed[8 + i % 24] ^= byte.rotate_left((i / 24) as u32);
+        }
+        let config = Config { cases: self.cases, failure_persistence: None, ..Config::default() };
+        TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &seed))
+    }
+}
+
+/// What came of one operator's problems.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Problems judged, each with optimisation off and on.
+    pub cases: usize,
+    /// Elements compared.
+    pub elements: usize,
+    /// Tensors in which every element was f32(y) bit for bit.
+    pub exact: usize,
+    /// Tensors in which an element was unusually far, though within its bound (G2).
+    pub unusual: usize,
+    /// Largest difference in condition-scaled ulps.
+    pub csu: f64,
+    /// Largest share of the bound.
+    pub share: f64,
+}
+
+impl Tally {
+    fn add(&mut self, comparison: &Comparison) {
+        if let Some(report) = comparison.report() {
+            self.elements += report.elements;
+            self.csu = self.csu.max(report.csu);
+            self.share = self.share.max(report.share);
+            match report.verdict {
+                crate::certificate::Verdict::Exact => self.exact += 1,
+                crate::certificate::Verdict::Unusual => self.unusual += 1,
+                _ => (),
+            }
+        }
+    }
+}
+
+/// A problem, shrunk, that runtime and reference answer differently, and how to meet it again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Disagreement {
+    /// The judged operator, as in [`Judge::name`].
+    pub judge: &'static str,
+    /// What was found and the smallest problem that shows it.
+    pub message: String,
+    /// The draw that met it.
+    pub draw: Draw,
+}
+
+impl fmt::Display for Disagreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}: {}\nreplay with VITRUVIAN_SEED={} VITRUVIAN_CASES={}",
+            self.judge, self.message, self.draw.seed, self.draw.cases
+        )
+    }
+}
+
+/// Draws problems and judges each with optimisation off and on.
+///
+/// # Errors
+/// The first problem on which the two differ, shrunk.
+pub fn judge<S>(name: &'static str, strategy: S, draw: Draw) -> Result<Tally, Disagreement>
+where
+    S: Strategy<Value: Problem>,
+{
+    let tally = RefCell::new(Tally::default());
+    let outcome = draw.runner(name).run(&strategy, |problem| {
+        let expected = Expected::from(&problem.reference());
+        for optimization in Optimization::BOTH {
+            let found =
+                problem.runtime(optimization).map_err(|error| TestCaseError::fail(error.to_string()))?;
+            let comparison = compare(&expected, &found);
+            if !comparison.agrees() {
+                return Err(TestCaseError::fail(format!("optimization {optimization:?}: {comparison}")));
+            }
+            tally.borrow_mut().add(&comparison);
+        }
+        tally.borrow_mut().cases += 1;
+        Ok(())
+    });
+    match outcome {
+        Ok(()) => Ok(tally.into_inner()),
+        Err(TestError::Fail(why, problem)) => {
+            Err(Disagreement { judge: name, message: format!("{why}\n{problem:?}"), draw })
+        }
+        Err(TestError::Abort(why)) => {
+            Err(Disagreement { judge: name, message: format!("no problems could be drawn: {why}"), draw })
+        }
+    }
+}
+
+/// An operator that is judged.
+#[derive(Clone, Copy)]
+pub struct Judge {
+    /// The operator and its variant, such as `Conv 2-D`.
+    pub name: &'static str,
+    /// ONNX's name of the operator.
+    pub operator: &'static str,
+    /// Draws problems and judges them.
+    pub run: fn(&'static str, Draw) -> Result<Tally, Disagreement>,
+}
+
+impl Judge {
+    /// Draws problems of this operator and judges them.
+    ///
+    /// # Errors
+    /// The first disagreement.
+    pub fn run(&self, draw: Draw) -> Result<Tally, Disagreement> {
+        (self.run)(self.name, draw)
+    }
+}
+
+/// Every operator that is judged. An operator that appears in an exported graph and not here fails the completeness test.
+pub const JUDGES: &[Judge] = &[
+    Judge {
+        name: "Conv 1-D",
+        operator: "Conv",
+        run: |name, draw| judge(name, ConvProblem::strategy(1), draw),
+    },
+    Judge {
+        name: "Conv 2-D",
+        operator: "Conv",
+        run: |name, draw| judge(name, ConvProblem::strategy(2), draw),
+    },
+    Judge {
+        name: "Conv 3-D",
+        operator: "Conv",
+        run: |name, draw| judge(name, ConvProblem::strategy(3), draw),
+    },
+    Judge {
+        name: "ConvTranspose 2-D",
+        operator: "ConvTranspose",
+        run: |name, draw| judge(name, ConvTransposeProblem::strategy(2), draw),
+    },
+    Judge {
+        name: "ConvTranspose 3-D",
+        operator: "ConvTranspose",
+        run: |name, draw| judge(name, ConvTransposeProblem::strategy(3), draw),
+    },
+];
