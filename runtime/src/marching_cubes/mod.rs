@@ -88,7 +88,7 @@ pub(crate) fn level_never_reached(level: f32, low: f32, high: f32) -> Error {
 /// The cells of an array that the level crosses, scanned x-major, the layer around the array included.
 ///
 /// Cell (i, j, k) has the corners (i..i+2, j..j+2, k..k+2); with the surrounding layer, i runs from −1 to n_x − 1.
-fn active_cells(volume: ArrayView3<f32>, level: f32) -> Vec<[i32; 3]> {
+pub(crate) fn active_cells(volume: ArrayView3<f32>, level: f32) -> Vec<[i32; 3]> {
     let (nx, ny, nz) = volume.dim();
     let beyond = vec![false; nz];
     let row = |i: i32, j: i32| -> Vec<bool> {
