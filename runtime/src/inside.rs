@@ -7,8 +7,8 @@ use crate::mesh::Mesh;
 /// A closed mesh prepared for inside tests.
 ///
 /// The vertical line through a point crosses the surface upwards of it; a crossing counts +1 where the surface faces up
-/// and −1 where it faces down, so the sum is the winding number. A point is inside where it is positive: as parity
-/// would say of a simple surface, and right as well where limbs run into each other.
+/// and −1 where it faces down, so the sum is the winding number. A point is inside where it is not zero: as
+/// parity would say of a simple surface, and right as well where limbs run into each other.
 ///
 /// # Conventions
 /// "Up" is +z. The test of a line against a triangle's outline uses each edge from its lower to its higher vertex
@@ -63,7 +63,7 @@ impl Inside {
     pub fn contains(&self, point: [f64; 3]) -> bool {
         let Some(cell) = self.cell_of(point) else { return false };
         let members = &self.members[self.starts[cell] as usize..self.starts[cell + 1] as usize];
-        members.iter().map(|&f| self.crossing(self.faces[f as usize], point)).sum::<i32>() > 0
+        members.iter().map(|&f| self.crossing(self.faces[f as usize], point)).sum::<i32>() != 0
     }
 
     /// [`Inside::contains`] for many points, on every core.
