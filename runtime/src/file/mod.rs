@@ -1,10 +1,14 @@
 //! Files in and out: meshes, arrays, body models, keypoints; every reader is bounded and every write atomic.
 
 pub mod atomic;
+pub mod body;
+pub mod glb;
 pub mod keypoints;
+pub mod mesh;
 pub mod npy;
 pub mod npz;
 pub mod obj;
+pub mod ply;
 
 use std::fs::File;
 use std::io::Read;
