@@ -1,16 +1,19 @@
 //! Solid voxels of a mesh: 1 where a cell's centre is inside, 0 where it is outside.
 //!
 //! A cube is cut into D³ cells; cell (i, j, k) has its centre at origin + side·((i, j, k) + ½)/D. Its column along z
-//! crosses the surface a number of times below the centre; the centre is inside when that number is odd.
+//! crosses the surface a number of times below the centre: +1 where the surface faces down, so that the column enters, and
+//! −1 where it faces up. The sum is the winding number, and the centre is inside when it is not zero: as parity says of
+//! a simple surface, and right as well where an arm sinks into the trunk.
 //!
-//! # What makes the parity safe?
+//! # What makes the count safe?
 //! A triangle holds a column when exactly one of the two sides that span the column's y lies beyond its x. Whether a
 //! side spans y is an exact comparison, and where it meets y is computed from its ends in one fixed order, so the
 //! two triangles at a side always agree: no column can slip between them or be counted by both, whatever the
-//! rounding. A column of a closed mesh is therefore crossed an even number of times. All ties fall the same
-//! way: a centre exactly on the surface is inside at a lower (−x, −y, −z) face and outside at an upper one.
+//! rounding. They walk the side in opposite directions, so a column of a closed mesh is left as often as it is entered. All
+//! ties fall the same way: a centre exactly on the surface is inside at a lower (−x, −y, −z) face and outside at an upper one.
 
 use ndarray::{Array3, Array5};
+use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -19,7 +22,7 @@ use crate::mesh::Mesh;
 pub const MAX_RESOLUTION: usize = 1024;
 
 /// An axis-aligned cube in the world frame, in metres.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cube {
     /// The corner with the lowest coordinates.
     pub origin: [f64; 3],
@@ -67,7 +70,7 @@ impl Cube {
 pub struct Voxels {
     /// 1 inside, 0 outside, indexed `[x][y][z]`, shape D × D × D.
     pub values: Array3<u8>,
-    /// Columns whose crossings do not pair up, 0 for a closed mesh; there, the unpaired last crossing is ignored.
+    /// Columns not left as often as entered, 0 for a closed mesh; they count as outside from their last crossing on.
     pub open_columns: usize,
 }
 
@@ -83,8 +86,7 @@ impl Voxels {
 
 /// The solid voxels of a mesh, D = `resolution` cells along each side of the cube.
 ///
-/// The mesh should be closed; parts beyond the cube are cut off. Where shells overlap, parity makes their common part
-/// outside.
+/// The mesh should be closed; parts beyond the cube are cut off. Where shells overlap, their common part is inside.
 ///
 /// # Errors
 /// [`Error::Unanswerable`] when the resolution is 0 or above [`MAX_RESOLUTION`], the cube has no finite positive
@@ -112,7 +114,8 @@ pub fn voxelize(mesh: &Mesh, cube: &Cube, resolution: usize) -> Result<Voxels> {
     }
     let points = in_cell_units(mesh, cube, resolution)?;
 
-    // crossings[(i·D + j)·(D + 1) + k] is 1 when the column's surface crossings between centres k − 1 and k are odd.
+    // crossings[(i·D + j)·(D + 1) + k] is how far the winding number rises between the column's centres k − 1 and k,
+    // modulo 256: one byte tells 255 shells that coincide from none.
     let d = resolution;
     let mut crossings = vec![0_u8; d * d * (d + 1)];
     for (index, face) in mesh.faces.iter().enumerate() {
@@ -153,7 +156,7 @@ fn meet(a: [f64; 3], b: [f64; 3], y: f64) -> [f64; 2] {
     [a[0] + t * (b[0] - a[0]), a[2] + t * (b[2] - a[2])]
 }
 
-/// Flips, in every column that the triangle holds, the crossing just below the first centre at or above it.
+/// Counts, in every column that the triangle holds, the crossing just below the first centre at or above it.
 fn mark_crossings(triangle: [[f64; 3]; 3], d: usize, crossings: &mut [u8]) {
     let range = |axis: usize| {
         let values = triangle.map(|point| point[axis]);
@@ -165,36 +168,36 @@ fn mark_crossings(triangle: [[f64; 3]; 3], d: usize, crossings: &mut [u8]) {
     let ((y_low, y_high), (z_low, z_high)) = (range(1), range(2));
     for j in first_at_or_above(y_low, d)..first_at_or_above(y_high, d) {
         let y = j as f64;
-        let spanning =
-            (0..3).map(|at| (triangle[at], triangle[(at + 1) % 3])).filter(|(a, b)| (a[1] > y) != (b[1] > y));
-        let mut ends = spanning.map(|(a, b)| meet(a, b, y));
-        // Going round a triangle, y is passed an even number of times: no side or two sides span it.
-        let (Some(mut low), Some(mut high)) = (ends.next(), ends.next()) else { continue };
-        if low[0] > high[0] {
-            std::mem::swap(&mut low, &mut high);
-        }
+        // Going round a triangle, y is passed upwards as often as downwards: by no side, or by one side each.
+        let passing = |upwards: bool| {
+            let sides = (0..3).map(|at| (triangle[at], triangle[(at + 1) % 3]));
+            let mut ends = sides.filter(|(a, b)| if upwards { a[1] <= y && b[1] > y } else { a[1] > y && b[1] <= y });
+            ends.next().map(|(a, b)| meet(a, b, y))
+        };
+        let (Some(up), Some(down)) = (passing(true), passing(false)) else { continue };
+        // Counter-clockwise from above, the side towards +y is the one at the greater x: the surface faces up.
+        let (low, high, step) = if up[0] > down[0] { (down, up, u8::MAX) } else { (up, down, 1) };
         for i in first_at_or_above(low[0], d)..first_at_or_above(high[0], d) {
             let t = (i as f64 - low[0]) / (high[0] - low[0]);
             let z = (low[1] + t * (high[1] - low[1])).clamp(z_low, z_high);
-            crossings[(i * d + j) * (d + 1) + first_at_or_above(z, d)] ^= 1;
+            let crossing = &mut crossings[(i * d + j) * (d + 1) + first_at_or_above(z, d)];
+            *crossing = crossing.wrapping_add(step);
         }
     }
 }
 
-/// Turns crossings into solid columns by parity from below.
+/// Turns crossings into solid columns by adding them up from below.
 fn fill_columns(crossings: &[u8], d: usize) -> Voxels {
     let mut values = Array3::zeros((d, d, d));
     let mut open_columns = 0;
-    for (mut column, marks) in values.rows_mut().into_iter().zip(crossings.chunks_exact(d + 1)) {
-        let odd = marks.iter().fold(0, |parity, mark| parity ^ mark) == 1;
-        open_columns += usize::from(odd);
-        let ignored = if odd { marks.iter().rposition(|&mark| mark == 1) } else { None };
-        let mut inside = 0;
+    for (mut column, rises) in values.rows_mut().into_iter().zip(crossings.chunks_exact(d + 1)) {
+        let open = rises.iter().fold(0_u8, |sum, &rise| sum.wrapping_add(rise)) != 0;
+        open_columns += usize::from(open);
+        let last = if open { rises.iter().rposition(|&rise| rise != 0) } else { None };
+        let mut winding = 0_u8;
         for (k, value) in column.iter_mut().enumerate() {
-            if ignored != Some(k) {
-                inside ^= marks[k];
-            }
-            *value = inside;
+            winding = if last.is_some_and(|last| k >= last) { 0 } else { winding.wrapping_add(rises[k]) };
+            *value = u8::from(winding != 0);
         }
     }
     Voxels { values, open_columns }
@@ -252,6 +255,19 @@ mod tests {
     fn a_surface_beyond_the_cube_is_cut_off() {
         let voxels = voxelize(&cuboid([-3.0, 0.25, -5.0], [4.0, 2.0, 0.5]), &UNIT, 4).expect("a box");
         let expected = Array3::from_shape_fn((4, 4, 4), |(_, j, k)| u8::from(j >= 1 && k < 2));
+        assert_eq!(voxels, Voxels { values: expected, open_columns: 0 });
+    }
+
+    #[test]
+    fn the_overlap_of_two_shells_is_inside() {
+        let (mut mesh, other) = (cuboid([0.0; 3], [0.75; 3]), cuboid([0.25; 3], [1.0; 3]));
+        mesh.faces.extend(other.faces.iter().map(|face| face.map(|v| v + 8)));
+        mesh.vertices.extend(other.vertices);
+        let voxels = voxelize(&mesh, &UNIT, 4).expect("two boxes");
+        let expected = Array3::from_shape_fn((4, 4, 4), |(i, j, k)| {
+            let all = |range: std::ops::Range<usize>| [i, j, k].iter().all(|x| range.contains(x));
+            u8::from(all(0..3) || all(1..4))
+        });
         assert_eq!(voxels, Voxels { values: expected, open_columns: 0 });
     }
 
