@@ -60,4 +60,4 @@ pub use tensor::Tensor;
 pub use transposed_convolution::{ConvTranspose, conv_transpose};
 
 #[cfg(test)]
-mod goldens;
+pub(crate) mod goldens;
