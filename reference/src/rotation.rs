@@ -1,1 +1,165 @@
-//! TODO
+//! Rotations of ℝ³: axis–angle vectors, matrices, and the six numbers that networks regress.
+//!
+//! An *axis–angle* vector v stands for the rotation by ‖v‖ radians about v, counter-clockwise seen from the
+//! tip of v. Matrices act on columns: x ↦ R x.
+
+use crate::linalg::matrix::{
+    IDENTITY, Matrix3, add, apply, column, from_columns, mul, scaled, sub, trace, transpose,
+};
+use crate::linalg::vector::{Vector3, add_scaled, cross, dot, norm, norm_squared, normalize, scale};
+use std::f64::consts::PI;
+
+/// Below this angle (radians) the coefficients of the exponential are taken from their Taylor series.
+///
+/// The first omitted terms are α⁴/120 relative to 1: under 10⁻¹⁸ here, so the branch is exact in f64, while
+/// the closed forms lose half of the digits to cancellation (1 − cos α ≈ α²/2).
+const SMALL_ANGLE: f64 = 1e-4;
+
+/// The matrix `[v]×` with `[v]× p = v × p`.
+pub fn skew(v: Vector3) -> Matrix3 {
+    [[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]]
+}
+
+/// The vector v of the antisymmetric part of `m`: `vee(skew(v)) = v`.
+pub fn vee(m: &Matrix3) -> Vector3 {
+    [0.5 * (m[2][1] - m[1][2]), 0.5 * (m[0][2] - m[2][0]), 0.5 * (m[1][0] - m[0][1])]
+}
+
+/// (sin α)/α, (1 − cos α)/α² and (α − sin α)/α³, which are smooth and even in α.
+fn exponential_coefficients(angle_rad: f64) -> [f64; 3] {
+    let a2 = angle_rad * angle_rad;
+    if angle_rad < SMALL_ANGLE {
+        return [1.0 - a2 / 6.0, 0.5 - a2 / 24.0, 1.0 / 6.0 - a2 / 120.0];
+    }
+    let (sin, cos) = angle_rad.sin_cos();
+    // 1 − cos α = 2 sin²(α/2) keeps its digits when α is small.
+    let half = (0.5 * angle_rad).sin();
+    let one_minus_cos = if cos > 0.5 { 2.0 * half * half } else { 1.0 - cos };
+    // α − sin α cancels up to about α = 1: α³·(1/6 − α²/120 + …) converges fast there.
+    let third = if angle_rad < 1.0 {
+        let mut term = 1.0 / 6.0;
+        let mut sum = term;
+        for n in 2..12 {
+            let k = 2.0 * f64::from(n);
+            term *= -a2 / (k * (k + 1.0));
+            sum += term;
+        }
+        sum
+    } else {
+        (angle_rad - sin) / (a2 * angle_rad)
+    };
+    [sin / angle_rad, one_minus_cos / a2, third]
+}
+
+/// The rotation matrix of an axis–angle vector (radians), by Rodrigues' formula.
+///
+/// R = I + (sin α)/α · `[v]×` + (1 − cos α)/α² · `[v]×`², α = ‖v‖.
+///
+/// # Conventions
+/// Exact at and near v = 0 (Taylor branch). SMPL's common code instead adds 10⁻⁸ to every component before it
+/// takes the norm, so it differs from this function by about 10⁻⁸ close to zero.
+///
+/// ```
+/// use vitruvian_reference::rotation::rodrigues;
+/// let quarter_turn = rodrigues([0.0, 0.0, std::f64::consts::FRAC_PI_2]);
+/// assert!((quarter_turn[1][0] - 1.0).abs() < 1e-15); // x ↦ y
+/// ```
+pub fn rodrigues(axis_angle: Vector3) -> Matrix3 {
+    let [s, c, _] = exponential_coefficients(norm(axis_angle));
+    let k = skew(axis_angle);
+    add(&IDENTITY, &add(&scaled(&k, s), &scaled(&mul(&k, &k), c)))
+}
+
+/// The axis–angle vector (radians) of a rotation matrix: the inverse of [`rodrigues`], with 0 ≤ ‖v‖ ≤ π.
+///
+/// With w = vee(R) = sin α · n and cos α = (tr R − 1)/2 the angle is atan2(‖w‖, cos α), accurate everywhere.
+/// Below three quarters of a turn of π the axis is w/‖w‖. Towards π, where w vanishes, it comes from the symmetric
+/// part: (R + Rᵀ)/2 = cos α I + (1 − cos α) n nᵀ, whose largest column is n up to sign, and w gives the sign.
+///
+/// # Conventions
+/// At exactly α = π both ±n describe R; the one whose largest component is positive is returned.
+///
+/// # Panics
+/// If `r` is not a rotation: ‖R Rᵀ − I‖_max > 10⁻⁶ or det R < 0.
+pub fn logarithm(r: &Matrix3) -> Vector3 {
+    let deviation = crate::linalg::matrix::max_abs(&sub(&mul(r, &transpose(r)), &IDENTITY));
+    let det = crate::linalg::matrix::determinant(r);
+    assert!(
+        deviation <= 1e-6 && det > 0.0,
+        "logarithm: not a rotation: R Rᵀ − I up to {deviation:e}, det {det}"
+    );
+    let w = vee(r);
+    let (sin, cos) = (norm(w), 0.5 * (trace(r) - 1.0));
+    let angle = sin.atan2(cos);
+    if sin < SMALL_ANGLE && cos > 0.0 {
+        // α/sin α = 1 + α²/6 + …
+        return scale(w, 1.0 + angle * angle / 6.0);
+    }
+    if angle < 0.75 * PI {
+        return scale(w, angle / sin);
+    }
+    // S − cos α I = (1 − cos α) n nᵀ; its columns are multiples of n, the one with the largest diagonal the longest.
+    let symmetric = scaled(&add(r, &transpose(r)), 0.5);
+    let projector = sub(&symmetric, &scaled(&IDENTITY, cos));
+    let largest =
+        (0..3).max_by(|&i, &j| projector[i][i].total_cmp(&projector[j][j])).expect("three diagonal entries");
+    let axis = normalize(column(&projector, largest));
+    let sign = if dot(axis, w) < 0.0 { -1.0 } else { 1.0 };
+    scale(axis, sign * angle)
+}
+
+/// The left Jacobian of the exponential map, J_l(v), with exp(v + δ) ≈ exp(J_l(v) δ) · exp(v).
+///
+/// J_l(v) = I + (1 − cos α)/α² `[v]×` + (α − sin α)/α³ `[v]×`². It turns a change of the parameters into the angular
+/// velocity in the outer frame: ∂(R p)/∂v_i = (J_l e_i) × (R p).
+pub fn left_jacobian(axis_angle: Vector3) -> Matrix3 {
+    let [_, c, d] = exponential_coefficients(norm(axis_angle));
+    let k = skew(axis_angle);
+    add(&IDENTITY, &add(&scaled(&k, c), &scaled(&mul(&k, &k), d)))
+}
+
+/// The three matrices ∂R/∂v_i of [`rodrigues`] at `axis_angle`.
+///
+/// ∂R/∂v_i = `[J_l(v) e_i]×` R; at v = 0 this is `[e_i]×`.
+pub fn rodrigues_derivative(axis_angle: Vector3) -> [Matrix3; 3] {
+    let (r, j) = (rodrigues(axis_angle), left_jacobian(axis_angle));
+    std::array::from_fn(|i| mul(&skew(column(&j, i)), &r))
+}
+
+/// The rotation matrix of the continuous six-number representation, by Gram–Schmidt.
+///
+/// With a₁ = (x₀, x₂, x₄) and a₂ = (x₁, x₃, x₅), that is, x = the first two *columns* of R laid out row by row
+/// (a 3×2 array): b₁ = a₁/‖a₁‖, b₂ = (a₂ − (b₁·a₂) b₁)/‖…‖, b₃ = b₁ × b₂, R = \[b₁ b₂ b₃\].
+///
+/// # Panics
+/// If a₁ is zero or a₂ is parallel to it: no rotation is meant by such numbers.
+///
+/// # References
+/// Zhou, Barnes, Lu, Yang, Li 2019, "On the Continuity of Rotation Representations in Neural Networks"; the 3×2
+/// row-by-row layout is the one of the regressors that Li 2021, ch. 4 builds on.
+pub fn from_six_d(x: &[f64; 6]) -> Matrix3 {
+    let (a1, a2) = ([x[0], x[2], x[4]], [x[1], x[3], x[5]]);
+    let b1 = normalize(a1);
+    let rejected = add_scaled(a2, b1, -dot(b1, a2));
+    assert!(
+        norm_squared(rejected) > 1e-24 * norm_squared(a2),
+        "from_six_d: the columns {a1:?} and {a2:?} are parallel"
+    );
+    let b2 = normalize(rejected);
+    from_columns(b1, b2, cross(b1, b2))
+}
+
+/// The six numbers of a rotation matrix: its first two columns, row by row; the inverse of [`from_six_d`].
+pub fn to_six_d(r: &Matrix3) -> [f64; 6] {
+    [r[0][0], r[0][1], r[1][0], r[1][1], r[2][0], r[2][1]]
+}
+
+/// The angle (radians, 0…π) between two rotations: ‖log(Aᵀ B)‖.
+pub fn angle_between(a: &Matrix3, b: &Matrix3) -> f64 {
+    norm(logarithm(&mul(&transpose(a), b)))
+}
+
+/// R p for an axis–angle vector: [`rodrigues`] and a product, for callers that rotate one point.
+pub fn rotate(axis_angle: Vector3, p: Vector3) -> Vector3 {
+    apply(&rodrigues(axis_angle), p)
+}

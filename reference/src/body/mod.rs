@@ -1,1 +1,22 @@
-//! TODO
+//! The parametric body: a rest mesh that shape moves linearly and pose moves by a skeleton.
+//!
+//! The six steps of the model, one file each, in the order in which [`BodyModel::pose`] takes them:
+//!
+//! 1. [`blend_shapes`]: v_shaped = v_template + Σ_l β_l · shapedirs_l, and rest joints J = J_regressor · v_shaped;
+//! 2. [`blend_shapes`]: v_posed = v_shaped + posedirs · vec(R(θ) − I);
+//! 3. [`kinematic_tree`]: global transforms G_j along the tree, and A_j = G_j with the rest joint removed;
+//! 4. [`skinning`]: v_i = Σ_j w_ij A_j v_posed,i + trans.
+//!
+//! [`mannequin`] is a complete model made by arithmetic alone.
+//!
+//! # References
+//! Loper, Mahmood, Romero, Pons-Moll, Black 2015, "SMPL: A Skinned Multi-Person Linear Model"; Li 2021, ch. 2 §2.
+
+pub mod blend_shapes;
+pub mod kinematic_tree;
+pub mod mannequin;
+pub mod model;
+pub mod skinning;
+
+pub use mannequin::mannequin;
+pub use model::{BodyModel, Posed};

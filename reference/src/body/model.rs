@@ -1,0 +1,144 @@
+//! The arrays of a body model, and the forward pass from parameters to a posed mesh.
+
+use super::blend_shapes::{pose_blend, pose_feature, regress_joints, shape_blend};
+use super::kinematic_tree::{global_transforms, relative_transforms};
+use super::skinning::linear_blend_skinning;
+use crate::linalg::vector::{Vector3, add};
+use crate::rotation::rodrigues;
+
+/// A body model in SMPL's arrays, for any number of vertices V, faces F, joints J and betas B; P = 9(J−1).
+///
+/// # Conventions
+/// Metres. Rest frame: +Y up, the body faces +Z, its left is +X. Faces counter-clockwise seen from outside.
+/// Joints are ordered so that a parent comes before its children; exactly one, the first, has no parent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyModel {
+    /// Rest vertices at β = 0, V×3.
+    pub v_template: Vec<Vector3>,
+    /// Triangles, F×3, indices into the vertices.
+    pub faces: Vec<[u32; 3]>,
+    /// Shape directions, V×3×B row-major: `shapedirs[(3·i + axis)·B + l]`, metres per standard deviation.
+    pub shapedirs: Vec<f64>,
+    /// Pose directions, V×3×P row-major: `posedirs[(3·i + axis)·P + 9(j−1) + 3·row + column]`, metres.
+    pub posedirs: Vec<f64>,
+    /// Joint regressor, J×V row-major; rows sum to 1.
+    pub j_regressor: Vec<f64>,
+    /// Skinning weights, V×J row-major; rows sum to 1.
+    pub lbs_weights: Vec<f64>,
+    /// The parent of every joint, J.
+    pub parents: Vec<Option<usize>>,
+}
+
+/// A body in a pose: V vertices and J joints, metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posed {
+    /// The skin, V×3.
+    pub vertices: Vec<Vector3>,
+    /// The posed joints, J×3.
+    pub joints: Vec<Vector3>,
+}
+
+impl BodyModel {
+    /// V, the number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.v_template.len()
+    }
+
+    /// J, the number of joints.
+    pub fn joint_count(&self) -> usize {
+        self.parents.len()
+    }
+
+    /// P = 9(J − 1), the length of the pose feature.
+    pub fn pose_feature_count(&self) -> usize {
+        9 * (self.joint_count() - 1)
+    }
+
+    /// B, the number of betas.
+    pub fn beta_count(&self) -> usize {
+        self.shapedirs.len() / (3 * self.vertex_count())
+    }
+
+    /// Panics unless the arrays fit each other; [`BodyModel::pose`] relies on this.
+    ///
+    /// # Panics
+    /// With the array's name, its length and the length wanted; if a face names a vertex that is not there; if the
+    /// first joint has a parent, or another joint has none or one that does not come before it.
+    pub fn assert_consistent(&self) {
+        let (v, j) = (self.vertex_count(), self.joint_count());
+        assert!(v > 0 && j > 0, "BodyModel: {v} vertices and {j} joints");
+        let expect = |name: &str, found: usize, wanted: usize| {
+            assert!(
+                found == wanted,
+                "BodyModel: {name} has {found} numbers, V = {v} and J = {j} ask for {wanted}"
+            );
+        };
+        assert!(
+            self.shapedirs.len().is_multiple_of(3 * v),
+            "BodyModel: shapedirs has {} numbers, not a multiple of 3V = {}",
+            self.shapedirs.len(),
+            3 * v
+        );
+        expect("posedirs", self.posedirs.len(), 3 * v * self.pose_feature_count());
+        expect("j_regressor", self.j_regressor.len(), j * v);
+        expect("lbs_weights", self.lbs_weights.len(), v * j);
+        for (f, face) in self.faces.iter().enumerate() {
+            assert!(face.iter().all(|&i| (i as usize) < v), "BodyModel: face {f} is {face:?}, V = {v}");
+        }
+        for (child, parent) in self.parents.iter().enumerate() {
+            let fits = if child == 0 { parent.is_none() } else { parent.is_some_and(|p| p < child) };
+            assert!(
+                fits,
+                "BodyModel: joint {child} has parent {parent:?}; parents come before their children"
+            );
+        }
+    }
+
+    /// The body of shape `betas` in the pose `pose`: vertices and joints in metres.
+    ///
+    /// v_i = Σ_j w_ij A_j(θ, J(β)) \[t̄_i + B_S(β)_i + B_P(θ)_i\] + trans.
+    ///
+    /// `pose` holds J axis–angle vectors (3J numbers, radians), each relative to the joint's *parent* (erratum E14h;
+    /// the root's turns the whole body about the pelvis, not about the origin). `betas` may be shorter than B: the
+    /// rest is zero.
+    ///
+    /// # Panics
+    /// If the model is not consistent, `pose` does not have 3J numbers, or there are more than B betas.
+    ///
+    /// # References
+    /// Loper et al. 2015, eq. 1–9; Li 2021, ch. 2 §2.
+    ///
+    /// ```
+    /// let body = vitruvian_reference::body::mannequin();
+    /// let posed = body.pose(&[0.0; 72], &[], [0.0; 3]);
+    /// assert_eq!(posed.vertices.len(), body.v_template.len());
+    /// ```
+    pub fn pose(&self, pose: &[f64], betas: &[f64], trans: Vector3) -> Posed {
+        self.assert_consistent();
+        let j = self.joint_count();
+        assert!(pose.len() == 3 * j, "BodyModel::pose: pose has {} numbers, 3J = {}", pose.len(), 3 * j);
+
+        let v_shaped = shape_blend(&self.v_template, &self.shapedirs, betas);
+        let rest_joints = regress_joints(&self.j_regressor, &v_shaped);
+
+        let rotations: Vec<_> = pose.chunks_exact(3).map(|v| rodrigues([v[0], v[1], v[2]])).collect();
+        let rest_pose = pose_blend(v_shaped, &self.posedirs, &pose_feature(&rotations));
+
+        let global = global_transforms(&rotations, &rest_joints, &self.parents);
+        let relative = relative_transforms(&global, &rest_joints);
+        let skinned = linear_blend_skinning(&rest_pose, &self.lbs_weights, &relative);
+
+        Posed {
+            vertices: skinned.into_iter().map(|v| add(v, trans)).collect(),
+            joints: global.iter().map(|g| add(g.translation, trans)).collect(),
+        }
+    }
+
+    /// The rest joints of shape `betas`, J×3 metres: J_regressor · (v_template + B_S(β)).
+    ///
+    /// # Panics
+    /// If there are more than B betas.
+    pub fn rest_joints(&self, betas: &[f64]) -> Vec<Vector3> {
+        regress_joints(&self.j_regressor, &shape_blend(&self.v_template, &self.shapedirs, betas))
+    }
+}
