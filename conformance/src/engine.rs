@@ -31,7 +31,7 @@ pub fn run(
     name: &str,
     graph: &[u8],
     optimization: Optimization,
-    inputs: &[(&str, Array)],
+    inputs: &[(&str, &Array)],
 ) -> Result<Vec<Found>> {
     let engine = |error: ort::Error| Error::Engine { graph: name.to_owned(), message: error.to_string() };
     let level = match optimization {

@@ -65,11 +65,11 @@ impl GraphBuilder {
         self
     }
 
-    /// Adds a one-dimensional i64 constant, as shapes and axes are given.
+    /// Adds an i64 constant, as shapes, axes and indices are given.
     #[must_use]
-    pub fn integers(mut self, name: &str, values: &[i64]) -> Self {
+    pub fn integers(mut self, name: &str, shape: &[usize], values: &[i64]) -> Self {
         self.graph.initializer.push(TensorProto {
-            dims: vec![values.len() as i64],
+            dims: shape.iter().map(|&side| side as i64).collect(),
             data_type: Some(ElementType::I64.number()),
             int64_data: values.to_vec(),
             name: Some(name.into()),

@@ -5,11 +5,15 @@
 //! | [`message`] | the container's messages, field for field |
 //! | [`model`] | a file read and checked: operators, constants, properties |
 //! | [`constant`] | a constant tensor's elements as numbers |
+//! | [`attributes`] | the attributes of a node, with defaults and nothing guessed |
+//! | [`walk`] | the operators by the reference |
 //! | [`builder`] | graphs built in memory, to run one operator alone |
 //! | [`expose`] | the same file with every intermediate tensor as an output |
 
+pub mod attributes;
 pub mod builder;
 pub mod constant;
 pub mod expose;
 pub mod message;
 pub mod model;
+pub mod walk;

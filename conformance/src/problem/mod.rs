@@ -1,65 +1,188 @@
-//! Problems: one operator, its attributes and its tensors, as a value with two answers.
+//! Problems: one operator, its attributes and its operands, as a value with two answers.
 //!
-//! A [`Problem`] is drawn at random ([`Arbitrary`](proptest::arbitrary::Arbitrary)), answered by the reference
-//! ([`Problem::reference`], with the bound that comes out of the same text) and by the runtime
-//! ([`Problem::runtime`], a graph of one operator through ONNX Runtime), and judged by [`compare`].
+//! A [`Problem`] is drawn at random, answered by the reference ([`Problem::reference`]: the value, and the bound that comes
+//! out of the same text) and by the runtime ([`Problem::runtime`]: a graph of this one node through ONNX Runtime), and
+//! judged by [`compare`].
 //!
 //! | file | operators |
 //! |---|---|
-//! | [`conv`] | Conv in 1-D, 2-D and 3-D |
-//! | [`conv_transpose`] | ConvTranspose in 2-D and 3-D |
+//! | [`convolution`] | Conv in 1-D, 2-D and 3-D, ConvTranspose in 2-D and 3-D |
+//! | [`grid_sample`] | GridSample in 2-D and 3-D |
+//! | [`normalization`] | BatchNormalization, GroupNormalization, InstanceNormalization |
+//! | [`pooling`] | MaxPool in 2-D and 3-D, ReduceMean |
+//! | [`elementwise`] | Add, Sub, Mul, Div, Sqrt, Relu, LeakyRelu, Sigmoid |
+//! | [`matrix_product`] | Gemm, MatMul |
+//! | [`movement`] | Concat, Reshape, Unsqueeze, Transpose, Gather, Constant |
 //! | [`values`] | the numbers |
 
-use std::fmt::Debug;
+use std::fmt;
 
 use vitruvian_reference::nn::{Rounded, Tensor, UNIT_ROUNDOFF_F32};
 
 use crate::array::Array;
 use crate::compare::{Comparison, Expected, Found, compare};
 use crate::engine::{self, Optimization};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::onnx::builder::GraphBuilder;
+use crate::onnx::message::{AttributeProto, NodeProto};
+use crate::onnx::walk::{self, Value};
 
-pub mod conv;
-pub mod conv_transpose;
+pub mod convolution;
+pub mod elementwise;
+pub mod grid_sample;
+pub mod matrix_product;
+pub mod movement;
+pub mod normalization;
+pub mod pooling;
 pub mod values;
 
-/// A graph with its inputs, ready to run.
-#[derive(Clone, Debug)]
-pub struct Task {
-    /// The graph; it has one output.
-    pub graph: GraphBuilder,
-    /// Its inputs by name.
-    pub inputs: Vec<(&'static str, Array)>,
+/// The version of ONNX's operators that the problems are written in: that of the exported networks.
+pub const OPSET: i64 = 21;
+
+/// What an operator is applied to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Operand {
+    /// Given when the graph runs.
+    Input(Array),
+    /// Part of the graph, as weights are.
+    Weight(Array),
+    /// Part of the graph: a shape, axes, or (of rank 0) an index.
+    Integers(Tensor<i64>),
 }
 
-/// One operator applied to given tensors: the data, and the two parties' answers.
-pub trait Problem: Clone + Debug {
+/// One operator applied to given operands.
+#[derive(Clone, PartialEq)]
+pub struct Problem {
     /// ONNX's name of the operator.
-    fn operator(&self) -> &'static str;
+    pub operator: &'static str,
+    /// Its attributes.
+    pub attributes: Vec<AttributeProto>,
+    /// Its operands, in order.
+    pub operands: Vec<Operand>,
+}
+
+impl Problem {
+    /// The same problem with an attribute replaced.
+    ///
+    /// # Panics
+    /// When the problem has no attribute of this name: a fault that changes nothing is no fault.
+    #[must_use]
+    pub fn with_attribute(mut self, attribute: AttributeProto) -> Self {
+        let (operator, name) = (self.operator, attribute.name.clone());
+        let place = self.attributes.iter_mut().find(|a| a.name == name);
+        *place.unwrap_or_else(|| panic!("{operator} has no attribute {name:?}")) = attribute;
+        self
+    }
+
+    /// The same problem with the numbers of one operand changed.
+    ///
+    /// # Panics
+    /// When the operand is missing or holds integers.
+    #[must_use]
+    pub fn with_operand(mut self, i: usize, change: impl FnOnce(&Array) -> Array) -> Self {
+        match &mut self.operands[i] {
+            Operand::Input(array) | Operand::Weight(array) => *array = change(array),
+            Operand::Integers(integers) => {
+                panic!("operand {i} of {} holds integers {integers:?}", self.operator)
+            }
+        }
+        self
+    }
 
     /// The reference's answer with its rounding analysis, from exactly the numbers that the runtime gets.
-    fn reference(&self) -> Tensor<Rounded>;
+    ///
+    /// # Errors
+    /// When the operator or an attribute is not understood.
+    pub fn reference(&self) -> Result<Tensor<Rounded>> {
+        let operands: Vec<Value<Rounded>> = self
+            .operands
+            .iter()
+            .map(|operand| match operand {
+                Operand::Input(array) | Operand::Weight(array) => {
+                    Value::Numbers(exact(&array.shape, &array.values))
+                }
+                Operand::Integers(integers) => Value::Integers(integers.clone()),
+            })
+            .collect();
+        let node = NodeProto {
+            op_type: Some(self.operator.into()),
+            attribute: self.attributes.clone(),
+            ..Default::default()
+        };
+        let error = |message: String| Error::Onnx {
+            graph: "problem".into(),
+            item: format!("node {}", self.operator),
+            message,
+        };
+        match walk::evaluate(&node, &operands.iter().map(Some).collect::<Vec<_>>()).map_err(error)? {
+            Value::Numbers(tensor) => Ok(tensor),
+            Value::Integers(_) => Err(error("gives integers, numbers were expected".into())),
+        }
+    }
 
-    /// The graph of this one operator; weights are constants, as in an exported network.
-    fn task(&self) -> Task;
+    /// The graph of this one node, and its inputs.
+    fn graph(&self) -> (GraphBuilder, Vec<(String, &Array)>) {
+        let mut graph = GraphBuilder::new(OPSET);
+        let (mut names, mut inputs) = (Vec::new(), Vec::new());
+        for (i, operand) in self.operands.iter().enumerate() {
+            let name = format!("operand_{i}");
+            match operand {
+                Operand::Input(array) => {
+                    graph = graph.input(&name, &array.shape);
+                    inputs.push((name.clone(), array));
+                }
+                Operand::Weight(array) => graph = graph.constant(&name, &array.shape, &array.values),
+                Operand::Integers(tensor) => graph = graph.integers(&name, &tensor.shape, &tensor.data),
+            }
+            names.push(name);
+        }
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        (graph.node(self.operator, &names, &["y"], self.attributes.clone()).output("y"), inputs)
+    }
 
     /// The runtime's answer.
     ///
     /// # Errors
-    /// When ONNX Runtime refuses the graph.
-    fn runtime(&self, optimization: Optimization) -> Result<Found> {
-        let task = self.task();
-        let mut outputs = engine::run(self.operator(), &task.graph.to_bytes(), optimization, &task.inputs)?;
+    /// When ONNX Runtime is missing or refuses the graph.
+    pub fn runtime(&self, optimization: Optimization) -> Result<Found> {
+        let (graph, inputs) = self.graph();
+        let inputs: Vec<(&str, &Array)> =
+            inputs.iter().map(|(name, array)| (name.as_str(), *array)).collect();
+        let mut outputs = engine::run(self.operator, &graph.to_bytes(), optimization, &inputs)?;
         Ok(outputs.swap_remove(0))
     }
 
     /// Compares the two answers.
     ///
     /// # Errors
-    /// As [`Problem::runtime`].
-    fn judge(&self, optimization: Optimization) -> Result<Comparison> {
-        Ok(compare(&Expected::from(&self.reference()), &self.runtime(optimization)?))
+    /// As [`Problem::reference`] and [`Problem::runtime`].
+    pub fn judge(&self, optimization: Optimization) -> Result<Comparison> {
+        Ok(compare(&Expected::from(&self.reference()?), &self.runtime(optimization)?))
+    }
+}
+
+impl fmt::Debug for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.operator)?;
+        for a in &self.attributes {
+            write!(f, " {}=", a.name.as_deref().unwrap_or_default())?;
+            match (a.i, a.f, &a.s) {
+                (Some(i), _, _) => write!(f, "{i}")?,
+                (_, Some(x), _) => write!(f, "{x}")?,
+                (_, _, Some(text)) => write!(f, "{}", String::from_utf8_lossy(text))?,
+                _ => write!(f, "{:?}", a.ints)?,
+            }
+        }
+        for operand in &self.operands {
+            match operand {
+                Operand::Input(array) => write!(f, "\n  input {array:?}")?,
+                Operand::Weight(array) => write!(f, "\n  weight {array:?}")?,
+                Operand::Integers(integers) => {
+                    write!(f, "\n  integers {:?}{:?}", integers.shape, integers.data)?
+                }
+            }
+        }
+        Ok(())
     }
 }
 
@@ -76,7 +199,7 @@ impl From<&Tensor<Rounded>> for Expected {
     }
 }
 
-/// An array as exact inputs of a rounding analysis.
-pub(crate) fn exact(array: &Array) -> Tensor<Rounded> {
-    Tensor::new(&array.shape, array.values.iter().map(|&v| f64::from(v)).collect()).rounded()
+/// f32 numbers as exact inputs of a rounding analysis.
+pub(crate) fn exact(shape: &[usize], values: &[f32]) -> Tensor<Rounded> {
+    Tensor::new(shape, values.iter().map(|&v| f64::from(v)).collect()).rounded()
 }

@@ -9,8 +9,9 @@ use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, Test
 use crate::compare::{Comparison, Expected, compare};
 use crate::engine::Optimization;
 use crate::problem::Problem;
-use crate::problem::conv::ConvProblem;
-use crate::problem::conv_transpose::ConvTransposeProblem;
+use crate::problem::{
+    convolution, elementwise, grid_sample, matrix_product, movement, normalization, pooling,
+};
 
 /// How many random problems, and which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,16 +106,17 @@ impl fmt::Display for Disagreement {
 ///
 /// # Errors
 /// The first problem on which the two differ, shrunk.
-pub fn judge<S>(name: &'static str, strategy: S, draw: Draw) -> Result<Tally, Disagreement>
-where
-    S: Strategy<Value: Problem>,
-{
+pub fn judge(
+    name: &'static str,
+    strategy: &impl Strategy<Value = Problem>,
+    draw: Draw,
+) -> Result<Tally, Disagreement> {
     let tally = RefCell::new(Tally::default());
-    let outcome = draw.runner(name).run(&strategy, |problem| {
-        let expected = Expected::from(&problem.reference());
+    let outcome = draw.runner(name).run(strategy, |problem| {
+        let fail = |error: crate::error::Error| TestCaseError::fail(error.to_string());
+        let expected = Expected::from(&problem.reference().map_err(fail)?);
         for optimization in Optimization::BOTH {
-            let found =
-                problem.runtime(optimization).map_err(|error| TestCaseError::fail(error.to_string()))?;
+            let found = problem.runtime(optimization).map_err(fail)?;
             let comparison = compare(&expected, &found);
             if !comparison.agrees() {
                 return Err(TestCaseError::fail(format!("optimization {optimization:?}: {comparison}")));
@@ -158,29 +160,100 @@ impl Judge {
 
 /// Every operator that is judged. An operator that appears in an exported graph and not here fails the completeness test.
 pub const JUDGES: &[Judge] = &[
-    Judge {
-        name: "Conv 1-D",
-        operator: "Conv",
-        run: |name, draw| judge(name, ConvProblem::strategy(1), draw),
-    },
-    Judge {
-        name: "Conv 2-D",
-        operator: "Conv",
-        run: |name, draw| judge(name, ConvProblem::strategy(2), draw),
-    },
-    Judge {
-        name: "Conv 3-D",
-        operator: "Conv",
-        run: |name, draw| judge(name, ConvProblem::strategy(3), draw),
-    },
+    Judge { name: "Conv 1-D", operator: "Conv", run: |name, draw| judge(name, &convolution::conv(1), draw) },
+    Judge { name: "Conv 2-D", operator: "Conv", run: |name, draw| judge(name, &convolution::conv(2), draw) },
+    Judge { name: "Conv 3-D", operator: "Conv", run: |name, draw| judge(name, &convolution::conv(3), draw) },
     Judge {
         name: "ConvTranspose 2-D",
         operator: "ConvTranspose",
-        run: |name, draw| judge(name, ConvTransposeProblem::strategy(2), draw),
+        run: |name, draw| judge(name, &convolution::conv_transpose(2), draw),
     },
     Judge {
         name: "ConvTranspose 3-D",
         operator: "ConvTranspose",
-        run: |name, draw| judge(name, ConvTransposeProblem::strategy(3), draw),
+        run: |name, draw| judge(name, &convolution::conv_transpose(3), draw),
     },
+    Judge { name: "Gemm", operator: "Gemm", run: |name, draw| judge(name, &matrix_product::gemm(), draw) },
+    Judge {
+        name: "MatMul",
+        operator: "MatMul",
+        run: |name, draw| judge(name, &matrix_product::matmul(), draw),
+    },
+    Judge {
+        name: "GridSample 2-D",
+        operator: "GridSample",
+        run: |name, draw| judge(name, &grid_sample::grid_sample(2), draw),
+    },
+    Judge {
+        name: "GridSample 3-D",
+        operator: "GridSample",
+        run: |name, draw| judge(name, &grid_sample::grid_sample(3), draw),
+    },
+    Judge {
+        name: "BatchNormalization",
+        operator: "BatchNormalization",
+        run: |name, draw| judge(name, &normalization::batch_norm(), draw),
+    },
+    Judge {
+        name: "GroupNormalization",
+        operator: "GroupNormalization",
+        run: |name, draw| judge(name, &normalization::group_norm(), draw),
+    },
+    Judge {
+        name: "InstanceNormalization",
+        operator: "InstanceNormalization",
+        run: |name, draw| judge(name, &normalization::instance_norm(), draw),
+    },
+    Judge {
+        name: "MaxPool 2-D",
+        operator: "MaxPool",
+        run: |name, draw| judge(name, &pooling::max_pool(2), draw),
+    },
+    Judge {
+        name: "MaxPool 3-D",
+        operator: "MaxPool",
+        run: |name, draw| judge(name, &pooling::max_pool(3), draw),
+    },
+    Judge {
+        name: "ReduceMean",
+        operator: "ReduceMean",
+        run: |name, draw| judge(name, &pooling::reduce_mean(), draw),
+    },
+    Judge { name: "Add", operator: "Add", run: |name, draw| judge(name, &elementwise::binary("Add"), draw) },
+    Judge { name: "Sub", operator: "Sub", run: |name, draw| judge(name, &elementwise::binary("Sub"), draw) },
+    Judge { name: "Mul", operator: "Mul", run: |name, draw| judge(name, &elementwise::binary("Mul"), draw) },
+    Judge { name: "Div", operator: "Div", run: |name, draw| judge(name, &elementwise::binary("Div"), draw) },
+    Judge {
+        name: "Sqrt",
+        operator: "Sqrt",
+        run: |name, draw| judge(name, &elementwise::unary("Sqrt"), draw),
+    },
+    Judge {
+        name: "Relu",
+        operator: "Relu",
+        run: |name, draw| judge(name, &elementwise::unary("Relu"), draw),
+    },
+    Judge {
+        name: "LeakyRelu",
+        operator: "LeakyRelu",
+        run: |name, draw| judge(name, &elementwise::unary("LeakyRelu"), draw),
+    },
+    Judge {
+        name: "Sigmoid",
+        operator: "Sigmoid",
+        run: |name, draw| judge(name, &elementwise::unary("Sigmoid"), draw),
+    },
+    Judge { name: "Concat", operator: "Concat", run: |name, draw| judge(name, &movement::concat(), draw) },
+    Judge { name: "Reshape", operator: "Reshape", run: |name, draw| judge(name, &movement::reshape(), draw) },
+    Judge {
+        name: "Unsqueeze",
+        operator: "Unsqueeze",
+        run: |name, draw| judge(name, &movement::unsqueeze(), draw),
+    },
+    Judge {
+        name: "Transpose",
+        operator: "Transpose",
+        run: |name, draw| judge(name, &movement::transpose(), draw),
+    },
+    Judge { name: "Gather", operator: "Gather", run: |name, draw| judge(name, &movement::gather(), draw) },
 ];

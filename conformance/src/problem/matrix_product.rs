@@ -1,0 +1,45 @@
+//! Gemm and MatMul: the layers of a regressor and of point networks.
+
+use proptest::prelude::*;
+
+use super::values::Values;
+use super::{Operand, Problem};
+use crate::onnx::builder::{float, int};
+
+/// α·A′B′ + β·C, transposed or not; C [M,N], [N], [1] or absent.
+pub fn gemm() -> impl Strategy<Value = Problem> {
+    let sizes = (1..=20_usize, 1..=150_usize, 1..=40_usize);
+    let factors = prop::sample::select(vec![1.0_f32, 0.5, -2.3]);
+    (sizes, any::<[bool; 2]>(), [factors.clone(), factors], any::<[Values; 3]>(), 0..=3_usize).prop_map(
+        |((m, k, n), [trans_a, trans_b], [alpha, beta], [a, b, c], added)| {
+            let a_shape = if trans_a { [k, m] } else { [m, k] };
+            let b_shape = if trans_b { [n, k] } else { [k, n] };
+            let mut operands = vec![Operand::Input(a.fill(&a_shape)), Operand::Weight(b.fill(&b_shape))];
+            let c_shapes: [&[usize]; 3] = [&[m, n], &[n], &[1]];
+            operands.extend(c_shapes.get(added).map(|shape| Operand::Weight(c.fill(shape))));
+            Problem {
+                operator: "Gemm",
+                attributes: vec![
+                    float("alpha", alpha),
+                    float("beta", beta),
+                    int("transA", trans_a.into()),
+                    int("transB", trans_b.into()),
+                ],
+                operands,
+            }
+        },
+    )
+}
+
+/// A·B of matrices, in batches that broadcast.
+pub fn matmul() -> impl Strategy<Value = Problem> {
+    let sizes = (1..=3_usize, 1..=20_usize, 1..=150_usize, 1..=20_usize);
+    (sizes, any::<bool>(), any::<[Values; 2]>()).prop_map(|((batch, m, k, n), shared, [a, b])| {
+        let b_shape = if shared { vec![k, n] } else { vec![batch, k, n] };
+        Problem {
+            operator: "MatMul",
+            attributes: vec![],
+            operands: vec![Operand::Input(a.fill(&[batch, m, k])), Operand::Weight(b.fill(&b_shape))],
+        }
+    })
+}
