@@ -49,7 +49,7 @@ pub(super) struct Crossing {
 }
 
 impl RayCrossings {
-    /// Prepares rays along (slopes[0], slopes[1], 1).
+    /// Prepares rays along (s, t, 1), s and t being the two slopes.
     pub(super) fn new(mesh: &Mesh, slopes: [f64; 2]) -> RayCrossings {
         let triangles: Vec<_> = mesh.triangles().map(|corners| corners.map(|p| shear(slopes, p))).collect();
         let bins = Bins::new(&triangles);
