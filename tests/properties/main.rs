@@ -1,3 +1,4 @@
 //! Laws.
 
+mod nn;
 mod surface;

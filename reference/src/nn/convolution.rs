@@ -9,6 +9,7 @@
 
 use super::window::{Axis, axes, lift};
 use super::{Scalar, Tensor};
+use std::ops::Range;
 
 /// How the kernel of a convolution moves: ONNX `strides`, `pads` (here before and after, axis by axis), `dilations`, `group`.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,6 +93,7 @@ pub fn conv<T: Scalar>(x: &Tensor<T>, w: &Tensor<T>, bias: Option<&Tensor<T>>, c
     let [az, ay, ax] = axes;
     let [depth, height, width] = lift(&size, 1);
     let group_outputs = outputs / conv.groups;
+    let reaches = Reach::of_taps(&ax, width);
     for n in 0..samples {
         for oz in 0..depth {
             for oy in 0..height {
@@ -108,12 +110,9 @@ pub fn conv<T: Scalar>(x: &Tensor<T>, w: &Tensor<T>, bias: Option<&Tensor<T>>, c
                                 let taps =
                                     (((o * per_group + c) * az.kernel + kz) * ay.kernel + ky) * ax.kernel;
                                 let pixels = ((image * az.input + iz) * ay.input + iy) * ax.input;
-                                add_row(
-                                    row,
-                                    &w.data[taps..taps + ax.kernel],
-                                    &x.data[pixels..pixels + ax.input],
-                                    &ax,
-                                );
+                                let (taps, pixels) =
+                                    (&w.data[taps..taps + ax.kernel], &x.data[pixels..pixels + ax.input]);
+                                add_row(row, taps, pixels, &reaches, ax.stride);
                             }
                         }
                     }
@@ -124,21 +123,35 @@ pub fn conv<T: Scalar>(x: &Tensor<T>, w: &Tensor<T>, bias: Option<&Tensor<T>>, c
     y
 }
 
+/// Where tap k meets pixels of a row: outputs `reached`, the first of them at input pixel `first`.
+struct Reach {
+    reached: Range<usize>,
+    first: usize,
+}
+
+impl Reach {
+    fn of_taps(axis: &Axis, outputs: usize) -> Vec<Reach> {
+        (0..axis.kernel)
+            .map(|k| {
+                let reached = axis.in_bounds(k, outputs);
+                let first = (reached.start * axis.stride + k * axis.dilation).saturating_sub(axis.padding[0]);
+                Reach { reached, first }
+            })
+            .collect()
+    }
+}
+
 /// row[j] += Σ_k taps[k]·pixels[j·stride + k·dilation − padding] over the taps in bounds.
-fn add_row<T: Scalar>(row: &mut [T], taps: &[T], pixels: &[T], axis: &Axis) {
-    for (k, &tap) in taps.iter().enumerate() {
-        let reached = axis.in_bounds(k, row.len());
-        if reached.is_empty() {
-            continue;
-        }
-        let pixels = &pixels[reached.start * axis.stride + k * axis.dilation - axis.padding[0]..];
-        let row = &mut row[reached];
-        if axis.stride == 1 {
+fn add_row<T: Scalar>(row: &mut [T], taps: &[T], pixels: &[T], reaches: &[Reach], stride: usize) {
+    for (&tap, Reach { reached, first }) in taps.iter().zip(reaches) {
+        let row = &mut row[reached.clone()];
+        let pixels = pixels.get(*first..).unwrap_or_default();
+        if stride == 1 {
             for (y, &x) in row.iter_mut().zip(pixels) {
                 *y = y.plus_product(tap, x);
             }
         } else {
-            for (y, &x) in row.iter_mut().zip(pixels.iter().step_by(axis.stride)) {
+            for (y, &x) in row.iter_mut().zip(pixels.iter().step_by(stride)) {
                 *y = y.plus_product(tap, x);
             }
         }

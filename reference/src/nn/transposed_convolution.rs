@@ -89,6 +89,8 @@ pub fn conv_transpose<T: Scalar>(
     };
     let size = &[depth, height, width][5 - xs.len()..];
     let mut y = Tensor::zeros(&[&[samples, outputs], size].concat());
+    let phases: Vec<Vec<Shift>> =
+        (0..ax.stride.min(width)).map(|phase| Shift::of_phase(&ax, phase)).collect();
 
     for n in 0..samples {
         for oz in 0..depth {
@@ -97,7 +99,7 @@ pub fn conv_transpose<T: Scalar>(
                     let start = (((n * outputs + o) * depth + oz) * height + oy) * width;
                     let row = &mut y.data[start..start + width];
                     let bias = bias.map_or(T::ZERO, |b| b.data[o]);
-                    for phase in 0..ax.stride.min(width) {
+                    for (phase, shifts) in phases.iter().enumerate() {
                         let mut sums = vec![bias; (width - phase).div_ceil(ax.stride)];
                         for c in o / per_group * group_channels..(o / per_group + 1) * group_channels {
                             for kz in 0..az.kernel {
@@ -108,13 +110,9 @@ pub fn conv_transpose<T: Scalar>(
                                     let taps = (kernel * ay.kernel + ky) * ax.kernel;
                                     let pixels =
                                         (((n * channels + c) * az.input + iz) * ay.input + iy) * ax.input;
-                                    add_phase(
-                                        &mut sums,
-                                        phase,
-                                        &w.data[taps..taps + ax.kernel],
-                                        &x.data[pixels..pixels + ax.input],
-                                        &ax,
-                                    );
+                                    let (taps, pixels) =
+                                        (&w.data[taps..taps + ax.kernel], &x.data[pixels..pixels + ax.input]);
+                                    add_phase(&mut sums, taps, pixels, shifts);
                                 }
                             }
                         }
@@ -141,24 +139,38 @@ fn source(axis: &Axis, j: usize, k: usize) -> Option<usize> {
     (steps % axis.stride == 0).then_some(steps / axis.stride).filter(|&i| i < axis.input)
 }
 
-/// sums[q] += Σ_k taps[k]·pixels[i] for the outputs j = phase + q·stride of one row; here i = q + const for each tap.
-fn add_phase<T: Scalar>(sums: &mut [T], phase: usize, taps: &[T], pixels: &[T], axis: &Axis) {
-    for (k, &tap) in taps.iter().enumerate() {
-        // i·stride = phase + q·stride + padding − k·dilation: the tap belongs to the phase, or meets none of its pixels.
+/// A tap of one phase of a row: output phase + q·stride gathers it from pixel q − first_sum + first_pixel.
+struct Shift {
+    tap: usize,
+    first_sum: usize,
+    first_pixel: usize,
+}
+
+impl Shift {
+    /// The taps with i·stride = phase + q·stride + padding − k·dilation for whole i.
+    fn of_phase(axis: &Axis, phase: usize) -> Vec<Shift> {
         let forward = phase + axis.padding[0];
-        let back = k * axis.dilation;
-        if forward % axis.stride != back % axis.stride {
-            continue;
-        }
-        let (first_sum, first_pixel) = if forward >= back {
-            (0, (forward - back) / axis.stride)
-        } else {
-            ((back - forward) / axis.stride, 0)
-        };
-        if first_sum < sums.len() && first_pixel < pixels.len() {
-            for (sum, &x) in sums[first_sum..].iter_mut().zip(&pixels[first_pixel..]) {
-                *sum = sum.plus_product(tap, x);
-            }
+        (0..axis.kernel)
+            .filter(|k| forward % axis.stride == k * axis.dilation % axis.stride)
+            .map(|tap| {
+                let back = tap * axis.dilation;
+                Shift {
+                    tap,
+                    first_sum: back.saturating_sub(forward) / axis.stride,
+                    first_pixel: forward.saturating_sub(back) / axis.stride,
+                }
+            })
+            .collect()
+    }
+}
+
+/// sums[q] += Σ_k taps[k]·pixels[i], i = q + const for each tap, for the outputs of one phase of a row.
+fn add_phase<T: Scalar>(sums: &mut [T], taps: &[T], pixels: &[T], shifts: &[Shift]) {
+    for shift in shifts {
+        let tap = taps[shift.tap];
+        let sums = sums.get_mut(shift.first_sum..).unwrap_or_default();
+        for (sum, &x) in sums.iter_mut().zip(pixels.get(shift.first_pixel..).unwrap_or_default()) {
+            *sum = sum.plus_product(tap, x);
         }
     }
 }
