@@ -1,9 +1,9 @@
 //! Activations, element by element, in forms that neither overflow nor cancel.
 //!
-//! Rounding: ReLU only chooses. The transcendental ones are allowed the error that vectorised f32 kernels are observed to
-//! make, a few units in the last place (one such unit is at most two roundings), and sigmoid and tanh, which kernels
-//! compute as clamped rational functions, the same number of roundings of their range instead where that is more:
-//! far out in a tail such a kernel keeps few correct digits of a very small number.
+//! Rounding: ReLU only chooses. The transcendental ones are allowed a few units in the last place (one such unit is at most
+//! two roundings), more than the vectorised kernels of ONNX Runtime 1.32 use over −40…40: 4.3u absolute for tanh, 2.2u for
+//! sigmoid, 3.8u of the value for softplus. Sigmoid and tanh, which kernels compute as clamped rational functions, may
+//! spend them on their range instead of the value: far out in a tail such a kernel keeps few digits of a very small number.
 
 use super::{Scalar, Tensor};
 
@@ -54,8 +54,8 @@ pub(crate) fn sigmoid_value(x: f64) -> f64 {
 pub fn tanh<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
     x.map(|x| {
         let y = x.value().tanh();
-        // Two units in the last place, or 4u absolute: the magnitude is at least 1.
-        T::within(y, f64::max(1.0, (1.0 - y * y) * x.magnitude()), x.terms() + ulps(2))
+        // Three units in the last place, or 6u absolute: the magnitude is at least 1.
+        T::within(y, f64::max(1.0, (1.0 - y * y) * x.magnitude()), x.terms() + ulps(3))
     })
 }
 
