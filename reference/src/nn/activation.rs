@@ -1,8 +1,8 @@
 //! Activations, element by element, in forms that neither overflow nor cancel.
 //!
 //! Rounding: ReLU only chooses. The transcendental ones are allowed a few units in the last place (one such unit is at most
-//! two roundings), more than the vectorised kernels of ONNX Runtime 1.32 use over −40…40: 4.3u absolute for tanh, 2.2u for
-//! sigmoid, 3.8u of the value for softplus. Sigmoid and tanh, which kernels compute as clamped rational functions, may
+//! two roundings), more than the vectorised kernels of ONNX Runtime 1.32 use over −40…40: 4.3u absolute for tanh, 4.3u of
+//! max(σ, ½) for sigmoid, 3.8u of the value for softplus. Sigmoid and tanh, which kernels compute as clamped rational functions, may
 //! spend them on their range instead of the value: far out in a tail such a kernel keeps few digits of a very small number.
 
 use super::{Scalar, Tensor};
