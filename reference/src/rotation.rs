@@ -163,3 +163,132 @@ pub fn angle_between(a: &Matrix3, b: &Matrix3) -> f64 {
 pub fn rotate(axis_angle: Vector3, p: Vector3) -> Vector3 {
     apply(&rodrigues(axis_angle), p)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::matrix::max_abs;
+    use crate::linalg::vector::{add as plus, distance};
+
+    fn assert_close(a: &Matrix3, b: &Matrix3, bound: f64) {
+        assert!(max_abs(&sub(a, b)) <= bound, "{a:?}\nagainst {b:?}");
+    }
+
+    #[test]
+    fn rodrigues_golden() {
+        // Computed once in plain double precision by an independent script, nine digits kept.
+        let golden = [
+            [0.859533899, -0.497991537, -0.114916954],
+            [0.439867633, 0.835315605, -0.329794338],
+            [0.260226714, 0.232921164, 0.937032437],
+        ];
+        assert_close(&rodrigues([0.3, -0.2, 0.5]), &golden, 5e-10);
+    }
+
+    #[test]
+    fn six_d_golden() {
+        let golden = from_columns(
+            [0.953462589, 0.095346259, -0.286038777],
+            [0.045828956, 0.891831482, 0.450040347],
+            [0.29800805, -0.442205493, 0.845958335],
+        );
+        assert_close(&from_six_d(&[1.0, 0.2, 0.1, 0.9, -0.3, 0.4]), &golden, 5e-10);
+    }
+
+    #[test]
+    fn six_d_of_a_rotation_gives_it_back() {
+        let r = rodrigues([-1.2, 0.4, 2.0]);
+        assert_close(&from_six_d(&to_six_d(&r)), &r, 1e-15);
+    }
+
+    #[test]
+    #[should_panic(expected = "are parallel")]
+    fn parallel_columns_mean_no_rotation() {
+        from_six_d(&[1.0, 2.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn rotating_by_zero_is_identity() {
+        assert_eq!(rodrigues([0.0; 3]), IDENTITY);
+        assert_eq!(left_jacobian([0.0; 3]), IDENTITY);
+        assert_eq!(logarithm(&IDENTITY), [0.0; 3]);
+    }
+
+    #[test]
+    fn quarter_turn_about_z_takes_x_to_y() {
+        assert!(distance(rotate([0.0, 0.0, PI / 2.0], [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]) < 1e-15);
+    }
+
+    #[test]
+    fn tiny_rotations_keep_their_digits_through_the_logarithm() {
+        for angle in [1e-300, 1e-12, 1e-8, 9.999e-5, 1.0001e-4, 1e-3] {
+            let v = scale(normalize([1.0, -2.0, 0.5]), angle);
+            assert!(distance(logarithm(&rodrigues(v)), v) <= 1e-15 * angle, "angle {angle:e}");
+        }
+    }
+
+    #[test]
+    fn rotations_near_a_half_turn_keep_their_axis_through_the_logarithm() {
+        let axis = normalize([0.2, -0.9, 0.4]);
+        for gap in [1e-15, 1e-12, 1e-8, 1e-4, 0.1, 0.7, 0.8] {
+            let v = scale(axis, PI - gap);
+            assert!(distance(logarithm(&rodrigues(v)), v) < 1e-14, "gap {gap:e}");
+        }
+    }
+
+    #[test]
+    fn exact_half_turns_take_the_positive_axis() {
+        for axis in 0..3 {
+            let mut half_turn = scaled(&IDENTITY, -1.0);
+            half_turn[axis][axis] = 1.0;
+            let mut v = [0.0; 3];
+            v[axis] = PI;
+            assert_eq!(logarithm(&half_turn), v);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "not a rotation")]
+    fn reflections_have_no_logarithm() {
+        logarithm(&scaled(&IDENTITY, -1.0));
+    }
+
+    #[test]
+    fn coefficients_agree_where_their_branches_meet() {
+        for (low, high) in [(SMALL_ANGLE, SMALL_ANGLE), (1.0, 1.0), (PI / 3.0, PI / 3.0)] {
+            let below = exponential_coefficients(low * (1.0 - 1e-15));
+            let above = exponential_coefficients(high * (1.0 + 1e-15));
+            for k in 0..3 {
+                assert!((below[k] - above[k]).abs() < 4e-15, "{low}: {below:?} {above:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn derivative_of_rodrigues_is_its_central_difference() {
+        const STEP: f64 = 1e-5;
+        for v in [[0.0; 3], [1e-6, -2e-6, 1e-6], [0.3, -0.2, 0.5], [2.0, 1.0, -1.5]] {
+            let analytic = rodrigues_derivative(v);
+            for i in 0..3 {
+                let mut e = [0.0; 3];
+                e[i] = STEP;
+                let (above, below) = (rodrigues(plus(v, e)), rodrigues(sub_vectors(v, e)));
+                let numeric = scaled(&sub(&above, &below), 0.5 / STEP);
+                // Truncation STEP²/6 and rounding ε/STEP are both about 2·10⁻¹¹.
+                assert_close(&analytic[i], &numeric, 1e-10);
+            }
+        }
+    }
+
+    fn sub_vectors(a: Vector3, b: Vector3) -> Vector3 {
+        add_scaled(a, b, -1.0)
+    }
+
+    #[test]
+    fn left_jacobian_composes_small_rotations() {
+        let (v, delta) = ([0.4, -1.1, 0.7], [2e-6, 1e-6, -3e-6]);
+        let composed = mul(&rodrigues(apply(&left_jacobian(v), delta)), &rodrigues(v));
+        // The neglected term is of order ‖δ‖² ≈ 10⁻¹¹.
+        assert_close(&rodrigues(plus(v, delta)), &composed, 5e-11);
+    }
+}

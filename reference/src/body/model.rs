@@ -142,3 +142,66 @@ impl BodyModel {
         regress_joints(&self.j_regressor, &shape_blend(&self.v_template, &self.shapedirs, betas))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::vector::distance;
+    use std::f64::consts::FRAC_PI_2;
+
+    /// Three points on two bones: joint 0 at the first, joint 1 at the second; one beta lengthens the second bone.
+    fn two_bones() -> BodyModel {
+        let mut shapedirs = vec![0.0; 9];
+        shapedirs[6] = 1.0;
+        BodyModel {
+            v_template: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]],
+            faces: vec![[0, 1, 2]],
+            shapedirs,
+            posedirs: vec![0.0; 81],
+            j_regressor: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            lbs_weights: vec![1.0, 0.0, 0.5, 0.5, 0.0, 1.0],
+            parents: vec![None, Some(0)],
+        }
+    }
+
+    #[test]
+    fn forward_kinematics_by_hand() {
+        let posed = two_bones().pose(&[0.0, 0.0, FRAC_PI_2, 0.0, 0.0, FRAC_PI_2], &[0.5], [0.0, 0.0, 3.0]);
+        let expected = [[0.0, 0.0, 3.0], [0.0, 1.0, 3.0], [-1.5, 1.0, 3.0]];
+        for (v, e) in posed.vertices.iter().zip(expected) {
+            assert!(distance(*v, e) < 1e-15, "{:?}", posed.vertices);
+        }
+        assert!(distance(posed.joints[1], [0.0, 1.0, 3.0]) < 1e-15);
+    }
+
+    #[test]
+    fn pose_correctives_act_before_skinning() {
+        let mut body = two_bones();
+        // (R − I)₀₀ = −1 at a quarter turn about z: lift the last vertex by 1 along its rest y.
+        body.posedirs[(3 * 2 + 1) * 9] = -1.0;
+        let posed = body.pose(&[0.0, 0.0, 0.0, 0.0, 0.0, FRAC_PI_2], &[], [0.0; 3]);
+        assert!(distance(posed.vertices[2], [0.0, 1.0, 0.0]) < 1e-15, "{:?}", posed.vertices);
+    }
+
+    #[test]
+    #[should_panic(expected = "pose has 5 numbers, 3J = 6")]
+    fn wrong_pose_length_is_refused() {
+        two_bones().pose(&[0.0; 5], &[], [0.0; 3]);
+    }
+
+    #[test]
+    #[should_panic(expected = "lbs_weights has 5 numbers, V = 3 and J = 2 ask for 6")]
+    fn wrong_weights_are_refused() {
+        let mut body = two_bones();
+        body.lbs_weights.pop();
+        body.pose(&[0.0; 6], &[], [0.0; 3]);
+    }
+
+    #[test]
+    #[should_panic(expected = "joint 1 has parent Some(1)")]
+    fn parents_that_do_not_come_first_are_refused() {
+        let mut body = two_bones();
+        body.parents[1] = Some(1);
+        body.pose(&[0.0; 6], &[], [0.0; 3]);
+    }
+}

@@ -1,10 +1,10 @@
 //! The mannequin's ten shape directions: deformation fields of the T-pose, evaluated at the vertices.
 //!
-//! Every field is smooth, mirror-symmetric, and zero-mean in no particular sense: β = 0 is the template. One unit is one
-//! standard deviation; ±2.5 units stay within what adult bodies do.
+//! Every field is continuous and mirror-symmetric, and β = 0 is the template. One unit is one standard deviation; the
+//! rates are chosen so that ±2.5 units stay within what adult bodies do (stature: ±15 cm).
 
 use super::skeleton::rest_joints;
-use crate::linalg::vector::{Vector3, add_scaled, sub};
+use crate::linalg::vector::{Vector3, add_scaled, scale, sub};
 
 /// B.
 pub const BETA_COUNT: usize = 10;
@@ -61,7 +61,8 @@ pub(super) fn directions(p: Vector3) -> [Vector3; BETA_COUNT] {
     } else {
         add_scaled(knee, sub(ankle, knee), ramp(knee[1], ankle[1], y))
     };
-    let from_leg = [x - leg_axis[0], 0.0, z - leg_axis[2]];
+    // Thighs do not thicken through the plane between them.
+    let from_leg = [(x - leg_axis[0]) * smoothstep(0.0, 0.05, x), 0.0, z - leg_axis[2]];
     let from_arm = [0.0, y - shoulder[1], z - shoulder[2]];
     let thicken = |rate: f64| -> Vector3 {
         std::array::from_fn(|axis| rate * limb * if arm > leg { from_arm[axis] } else { from_leg[axis] })
@@ -69,8 +70,10 @@ pub(super) fn directions(p: Vector3) -> [Vector3; BETA_COUNT] {
 
     let stature = [0.035 * x, 0.035 * y, 0.035 * z];
     let girth = {
-        let limbs = thicken(0.045);
-        [0.075 * trunk * x + limbs[0], limbs[1], 0.085 * trunk * z + limbs[2]]
+        // From the waist down the trunk's widening passes over into that of the thighs.
+        let torso = smoothstep(-0.40, 0.08, y) * (1.0 - arm) * (1.0 - smoothstep(0.46, 0.54, y));
+        let limbs = scale(thicken(0.06), 1.0 - torso);
+        [0.075 * torso * x + limbs[0], limbs[1], 0.085 * torso * z + limbs[2]]
     };
     let leg_length = [0.0, -0.020 * smoothstep(hip[1] + 0.04, ankle[1] - 0.04, y), 0.0];
     let shoulder_width =
@@ -112,4 +115,25 @@ pub(super) fn shapedirs(vertices: &[Vector3]) -> Vec<f64> {
         shapedirs.extend(fields.iter().map(|d| d[2]));
     }
     shapedirs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn longer_legs_move_the_feet_down_and_leave_the_head() {
+        let feet = directions([0.14, -0.92, 0.1])[2];
+        assert!((feet[1] + 0.020).abs() < 1e-12 && feet[0] == 0.0 && feet[2] == 0.0, "{feet:?}");
+        assert_eq!(directions([0.0, 0.75, 0.05])[2], [0.0; 3]);
+    }
+
+    #[test]
+    fn seam_stays_on_the_plane_of_symmetry() {
+        for y in -20..18 {
+            for direction in directions([0.0, 0.045 * f64::from(y), 0.08]) {
+                assert_eq!(direction[0], 0.0);
+            }
+        }
+    }
 }
