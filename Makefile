@@ -43,12 +43,12 @@ models/.venv/installed: models/requirements.txt
 	touch $@
 
 models-test: python
-	cd models && .venv/bin/python -m unittest discover -s tests -t .
+	cd models && .venv/bin/python -m unittest discover -s . -t .
 
 # Thesis-size graphs, both fillings, into models/exported/thesis (not committed).
 thesis: python
 	$(PYTHON) models/export.py --size thesis --filling random -o models/exported/thesis/random
-	$(PYTHON) models/export.py --size thesis --filling widened --checkpoints models/exported -o models/exported/thesis/widened
+	$(PYTHON) models/export.py --size thesis --filling widened -o models/exported/thesis/widened
 
 # Everything from seeds to graphs: data, training (about two hours on two cores), export. BODY adds a second body.
 models: python onnxruntime

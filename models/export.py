@@ -12,7 +12,7 @@ import json
 import os
 import pathlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import onnx
@@ -161,18 +161,31 @@ def weights_of(name: str, size: str, kind: str, checkpoints: pathlib.Path, seed:
     network = NETWORKS[name]
     if kind == "random":
         return Weights(network.random(network.sizes[size], seed).state_dict(), {"seed": seed})
+    if kind == "widened":
+        return Weights(network.widen(state_of_graphs(name)), {"widened_from": f"models/exported/{name}_*.onnx"})
     path = checkpoints / f"{name}.pt"
     checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-    wanted = "small" if kind == "widened" else size
-    if checkpoint["size"] != wanted:
-        raise SystemExit(f"{path} holds a {checkpoint['size']} network, --size {size} --filling {kind} needs {wanted}")
+    if checkpoint["size"] != size:
+        raise SystemExit(f"{path} holds a {checkpoint['size']} network, --size {size} needs a {size} one")
     origin = {
         "seed": checkpoint["seed"],
         "training_steps": checkpoint["steps"],
         "training_command": checkpoint["command"],
     }
-    state = checkpoint["state"]
-    return Weights(network.widen(state) if kind == "widened" else state, origin)
+    return Weights(checkpoint["state"], origin)
+
+
+def state_of_graphs(name: str) -> dict[str, Tensor]:
+    """The parameters of a committed small network, read back from its graphs' initialisers."""
+    state = {}
+    for part in ("encoder", "query"):
+        model = onnx.load(EXPORTED / f"{name}_{part}.onnx")
+        for tensor in model.graph.initializer:
+            values = onnx.numpy_helper.to_array(tensor)
+            state[f"{part}.{tensor.name}"] = torch.from_numpy(values.copy())
+            if tensor.name.endswith("running_mean"):
+                state[f"{part}.{tensor.name.removesuffix('running_mean')}num_batches_tracked"] = torch.tensor(0)
+    return state
 
 
 def refuse_machine_paths(data: bytes, what: str) -> None:
@@ -234,9 +247,12 @@ MANIFEST_HEAD = """\
 """
 
 
-def draw_all(size: str, kind: str, checkpoints: pathlib.Path, seed: int) -> Iterator[tuple[Drawing, bytes, Weights]]:
-    """The four graphs one after another; the module of each drawing holds the exported weights in f64."""
-    for name, network in NETWORKS.items():
+def draw_all(
+    size: str, kind: str, checkpoints: pathlib.Path, seed: int, names: Iterable[str] = NETWORKS
+) -> Iterator[tuple[Drawing, bytes, Weights]]:
+    """The graphs one after another; the module of each drawing holds the exported weights in f64."""
+    for name in names:
+        network = NETWORKS[name]
         weights = weights_of(name, size, kind, checkpoints, seed)
         whole = network.build(network.sizes[size]).eval()
         whole.load_state_dict(weights.state)
@@ -255,11 +271,13 @@ def draw_all(size: str, kind: str, checkpoints: pathlib.Path, seed: int) -> Iter
             yield drawing, data, weights
 
 
-def export(size: str, kind: str, checkpoints: pathlib.Path, output: pathlib.Path, seed: int) -> None:
-    """Write the four graphs and manifest.toml into `output`, measuring each against PyTorch."""
+def export(
+    size: str, kind: str, checkpoints: pathlib.Path, output: pathlib.Path, seed: int, names: Iterable[str] = NETWORKS
+) -> None:
+    """Write the graphs and manifest.toml into `output`, measuring each against PyTorch."""
     output.mkdir(parents=True, exist_ok=True)
     tables = []
-    for drawing, data, weights in draw_all(size, kind, checkpoints, seed):
+    for drawing, data, weights in draw_all(size, kind, checkpoints, seed, names):
         table = entry(drawing, data, size, kind, seed, weights)
         write_whole(output / drawing.file, data)
         tables.append(toml_table("graph", table))
@@ -278,16 +296,17 @@ def main() -> None:
     parser.add_argument("--size", choices=("small", "thesis"), default="small")
     parser.add_argument("--filling", choices=("trained", "random", "widened"), default="trained")
     parser.add_argument("--checkpoints", type=pathlib.Path, default=HERE / "runs", metavar="DIR",
-                        help="folder with mf_pifu.pt and vsr.pt (default: models/runs)")
+                        help="folder with mf_pifu.pt and vsr.pt (default: models/runs); widened reads models/exported")
     parser.add_argument("-o", "--output", type=pathlib.Path, metavar="DIR",
                         help="default: models/exported for small trained, models/exported/SIZE/FILLING otherwise")
     parser.add_argument("--seed", type=int, default=1, help="of the random filling")
+    parser.add_argument("--only", choices=tuple(NETWORKS), help="one network's graphs, as while the other is trained")
     args = parser.parse_args()
     if args.size == "small" and args.filling == "widened":
         parser.error("small is what gets widened: --filling widened needs --size thesis")
     shipped = (args.size, args.filling) == ("small", "trained")
     output = args.output or (EXPORTED if shipped else EXPORTED / args.size / args.filling)
-    export(args.size, args.filling, args.checkpoints, output, args.seed)
+    export(args.size, args.filling, args.checkpoints, output, args.seed, [args.only] if args.only else NETWORKS)
 
 
 if __name__ == "__main__":

@@ -23,9 +23,9 @@ scenes() { # FOLDER MANNEQUIN_COUNT BODY_COUNT [dataset options]
 scenes "$data/mf_pifu" 1000 2000
 "$python" models/train_mf_pifu.py --data "$data/mf_pifu/body" "$data/mf_pifu/mannequin" \
   --validation "$data/mf_pifu/validation" -o "$runs/mf_pifu.pt" --minutes 38
-"$python" models/export.py --size small --filling trained --only mf-pifu --checkpoints "$runs" -o models/exported
+"$python" models/export.py --size small --filling trained --only mf_pifu --checkpoints "$runs" -o "$runs/coarse"
 
-scenes "$data/vsr" 250 500 --coarse models/exported
+scenes "$data/vsr" 250 500 --coarse "$runs/coarse"
 "$python" models/train_vsr.py --data "$data/vsr/body" "$data/vsr/mannequin" \
   --validation "$data/vsr/validation" -o "$runs/vsr.pt" --minutes 30
 "$python" models/export.py --size small --filling trained --checkpoints "$runs" -o models/exported

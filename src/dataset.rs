@@ -1,4 +1,7 @@
 //! `vitruvian dataset`: labelled scenes for training, exactly as the runtime prepares them for the networks.
+//!
+//! For MF-PIFu: crops, projections, and points inside or outside. For VSR (`--coarse`): the voxels of the surface that
+//! MF-PIFu reconstructs from the crops, and points around both surfaces.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +14,11 @@ use vitruvian_runtime::error::Error;
 use vitruvian_runtime::file::npy::Values;
 use vitruvian_runtime::file::npz::{self, Named};
 use vitruvian_runtime::image_input::{BodyRegion, NetworkView, Normalization};
+use vitruvian_runtime::implicit_field::Mode;
 use vitruvian_runtime::inside::Inside;
+use vitruvian_runtime::reconstruct::{CUBE_FILL, Options, Reconstructor};
+use vitruvian_runtime::session;
+use vitruvian_runtime::voxelize::{Cube, voxelize};
 
 use crate::failure::Result;
 use crate::synthesis::{Scene, Settings, normal, scene_rng};
@@ -38,47 +45,72 @@ pub struct Arguments {
     /// Cameras on the ring
     #[arg(long, default_value_t = 4)]
     views: usize,
-    /// Side of a network's image in pixels
-    #[arg(long, default_value_t = 256)]
-    image_size: usize,
+    /// Make scenes for VSR, with the coarse surfaces of the MF-PIFu graphs in this folder
+    #[arg(long)]
+    coarse: Option<PathBuf>,
 }
+
+/// Side of MF-PIFu's images in pixels.
+const IMAGE_SIZE: usize = 256;
+
+/// Cells along each side of the lattice on which coarse surfaces are found, and of the voxels made from them.
+const RESOLUTION: usize = 128;
+
+/// Points of a VSR scene: around the coarse surface with σ_max and σ_min, and around the true one with σ_min (E23, E35).
+const AROUND_COARSE: [(usize, f64); 2] = [(6_000, 0.15), (8_000, 0.015)];
+const AROUND_TRUTH: (usize, f64) = (8_000, 0.015);
 
 /// Points around the true surface: (how many, standard deviation in metres); then points anywhere in the query cube.
 const NEAR: [(usize, f64); 2] = [(10_000, 0.05), (8_000, 0.015)];
 const ANYWHERE: usize = 6_000;
 
-/// Makes the scenes that are not there yet, in parallel.
+/// Makes the scenes that are not there yet: in parallel, or one after another where networks run.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let body = body::load(arguments.body.as_deref())?;
     let settings = Settings { seed: arguments.seed, views: arguments.views, size_px: 512 };
     std::fs::create_dir_all(&arguments.out).map_err(|e| Error::io(&arguments.out, e))?;
     let bar = progress::bar("scenes", arguments.count);
-    (arguments.first..arguments.first + arguments.count).into_par_iter().try_for_each(|index| {
-        let path = arguments.out.join(format!("scene_{}_{index:06}.npz", arguments.seed));
-        if !path.exists() {
-            let scene = Scene::random(&body, &settings, index);
-            write_mf_pifu(&path, &scene, arguments.image_size, &settings, index)?;
-        }
+    let missing: Vec<(u64, PathBuf)> = (arguments.first..arguments.first + arguments.count)
+        .map(|index| (index, arguments.out.join(format!("scene_{}_{index:06}.npz", arguments.seed))))
+        .filter(|(_, path)| !path.exists())
+        .collect();
+    bar.inc(arguments.count - missing.len() as u64);
+    if let Some(models) = &arguments.coarse {
+        let mut reconstructor = Reconstructor::load(models, false, &session::Settings::default())?;
+        return missing.iter().try_for_each(|(index, path)| {
+            let scene = Scene::random(&body, &settings, *index);
+            let mut rng = scene_rng(settings.seed ^ POINTS, *index);
+            write_vsr(path, &scene, &mut reconstructor, &mut rng)?;
+            bar.inc(1);
+            Ok(())
+        });
+    }
+    missing.par_iter().try_for_each(|(index, path)| {
+        let scene = Scene::random(&body, &settings, *index);
+        let mut rng = scene_rng(settings.seed ^ POINTS, *index);
+        write_mf_pifu(path, &scene, &mut rng)?;
         bar.inc(1);
         Ok(())
     })
 }
 
+/// Sets the points' random numbers apart from the scene's.
+const POINTS: u64 = 0x706f_696e_7473;
+
 /// The crops of a scene, made from its pictures and masks alone.
-pub fn network_views(name: &Path, scene: &Scene, size: usize) -> Result<Vec<NetworkView>> {
+fn network_views(name: &Path, scene: &Scene) -> Result<Vec<NetworkView>> {
     let pictures = scene.photograph();
     let views = scene.cameras.iter().zip(&pictures).map(|(camera, picture)| {
-        NetworkView::new(name, camera, &picture.image, &picture.mask, size, &Normalization::default())
+        NetworkView::new(name, camera, &picture.image, &picture.mask, IMAGE_SIZE, &Normalization::default())
     });
     Ok(views.collect::<std::result::Result<_, _>>()?)
 }
 
-fn write_mf_pifu(path: &Path, scene: &Scene, size: usize, settings: &Settings, index: u64) -> Result<()> {
-    let views = network_views(path, scene, size)?;
+fn write_mf_pifu(path: &Path, scene: &Scene, rng: &mut impl Rng) -> Result<()> {
+    let views = network_views(path, scene)?;
     let region = BodyRegion::find(path, &views)?;
-    let mut rng = scene_rng(settings.seed ^ 0x706f_696e_7473, index);
     let mut points: Vec<[f32; 3]> =
-        NEAR.iter().flat_map(|&(count, sigma_m)| around(&mut rng, &scene.surface, count, sigma_m)).collect();
+        NEAR.iter().flat_map(|&near| around(rng, &scene.surface, near)).collect();
     points
         .extend((0..ANYWHERE).map(|_| region.origin.map(|o| (o + region.side * rng.random::<f64>()) as f32)));
     let occupancy = labels(&scene.surface, &points);
@@ -102,7 +134,7 @@ fn write_mf_pifu(path: &Path, scene: &Scene, size: usize, settings: &Settings, i
     npz::write(
         path,
         &[
-            Named { name: "images", shape: &[n, 3, size, size], values: Values::U8(&images) },
+            Named { name: "images", shape: &[n, 3, IMAGE_SIZE, IMAGE_SIZE], values: Values::U8(&images) },
             Named { name: "projection", shape: &[n, 3, 4], values: Values::F32(&projection) },
             Named { name: "depth_center", shape: &[n], values: Values::F32(&depth_center) },
             Named { name: "depth_scale", shape: &[n], values: Values::F32(&depth_scale) },
@@ -113,8 +145,39 @@ fn write_mf_pifu(path: &Path, scene: &Scene, size: usize, settings: &Settings, i
     Ok(())
 }
 
+fn write_vsr(path: &Path, scene: &Scene, reconstructor: &mut Reconstructor, rng: &mut impl Rng) -> Result<()> {
+    let views = network_views(path, scene)?;
+    let region = BodyRegion::find(path, &views)?;
+    let options = Options { resolution: RESOLUTION, mode: Mode::CoarseToFine };
+    let coarse = reconstructor.reconstruct(&views, &region, &options, &mut |_, _, _| {})?.coarse.mesh;
+    let cube = Cube::around(&coarse, CUBE_FILL)?;
+    let voxels = voxelize(&coarse, &cube, RESOLUTION)?;
+    let packed: Vec<u8> = voxels.values.iter().copied().collect::<Vec<u8>>().chunks(8).map(pack).collect();
+
+    let coarse = convert::mesh_to_reference(&coarse);
+    let mut points: Vec<[f32; 3]> = AROUND_COARSE.iter().flat_map(|&near| around(rng, &coarse, near)).collect();
+    points.extend(around(rng, &scene.surface, AROUND_TRUTH));
+    points.retain(|p| cube.normalize(p.map(f64::from)).iter().all(|c| c.abs() <= 1.0));
+    let occupancy = labels(&scene.surface, &points);
+    let flat: Vec<f32> = points.iter().flat_map(|p| cube.normalize(p.map(f64::from))).map(|c| c as f32).collect();
+    npz::write(
+        path,
+        &[
+            Named { name: "voxels", shape: &[packed.len()], values: Values::U8(&packed) },
+            Named { name: "points", shape: &[points.len(), 3], values: Values::F32(&flat) },
+            Named { name: "occupancy", shape: &[points.len()], values: Values::U8(&occupancy) },
+        ],
+    )?;
+    Ok(())
+}
+
+/// Eight voxels in a byte, the first in its highest bit, as NumPy's `packbits`.
+fn pack(voxels: &[u8]) -> u8 {
+    voxels.iter().enumerate().map(|(bit, &voxel)| voxel << (7 - bit)).sum()
+}
+
 /// `count` points spread evenly over a surface, moved by a normal step of `sigma_m` along each axis.
-fn around(rng: &mut impl Rng, surface: &Mesh, count: usize, sigma_m: f64) -> Vec<[f32; 3]> {
+fn around(rng: &mut impl Rng, surface: &Mesh, (count, sigma_m): (usize, f64)) -> Vec<[f32; 3]> {
     let mut random = SplitMix64::new(rng.random());
     let samples = sample_surface(surface, count, &mut random).unwrap_or_default();
     samples.iter().map(|s| s.point.map(|x| (x + sigma_m * normal(rng, 6.0)) as f32)).collect()

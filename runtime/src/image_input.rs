@@ -7,7 +7,8 @@ use std::path::Path;
 
 use image::{GrayImage, RgbImage};
 
-use crate::capture::Camera;
+use crate::capture::geometry::solve;
+use crate::capture::{Camera, View};
 use crate::error::{Error, Result};
 
 /// Mask values from here on are body.
@@ -16,7 +17,16 @@ const BODY: u8 = 128;
 /// The crop's side over the longer side of the mask's rectangle: 5 % of margin all around.
 const CROP_MARGIN: f64 = 1.1;
 
-/// Height that stands for every body's when one view alone must tell how far away it is (metres).
+/// How far outside the silhouette a point may project and still be asked for, in crop pixels: about a centimetre and a half.
+const SILHOUETTE_MARGIN: usize = 2;
+
+/// Bodies of fewer pixels than this along the longer side hold nothing to reconstruct from: specks, not people.
+const LEAST_BODY_PX: f64 = 8.0;
+
+/// Rays that differ by less than 10° (this is its sine) do not tell how far away the point is where they meet.
+const LEAST_RAY_SINE: f64 = 0.1736;
+
+/// Height that stands for every body's when the views alone cannot tell how far away it is (metres).
 const ASSUMED_HEIGHT_M: f64 = 1.7;
 
 /// Colours as a network wants them: (x/255 − mean)/std inside the mask, `background` elsewhere.
@@ -72,9 +82,33 @@ pub struct NetworkView {
     pub body: Rectangle,
     /// The crop in the photograph: a square around the mask's rectangle.
     pub crop: Rectangle,
+    /// Whether the mask reaches the photograph's border, so that part of the body may be missing.
+    pub cut_off: bool,
+    /// The crop's pixels [S,S] on or within [`SILHOUETTE_MARGIN`] pixels of the body.
+    silhouette: Vec<bool>,
 }
 
 impl NetworkView {
+    /// [`NetworkView::new`] of a view as a capture holds it.
+    ///
+    /// # Errors
+    /// As [`NetworkView::new`], or the view was read without its image or mask.
+    pub fn of(
+        capture: &Path,
+        view: &View,
+        size: usize,
+        normalization: &Normalization,
+    ) -> Result<NetworkView> {
+        let absent = |what: &str| Error::Camera {
+            path: capture.into(),
+            camera: view.camera.name.clone(),
+            message: format!("it has no {what}, which the network needs"),
+        };
+        let image = view.image.as_ref().ok_or_else(|| absent("image"))?;
+        let mask = view.mask.as_ref().ok_or_else(|| absent("mask"))?;
+        NetworkView::new(capture, &view.camera, image, mask, size, normalization)
+    }
+
     /// Crops and normalises one view to `size`×`size` pixels.
     ///
     /// The crop is the square around the centre of the mask's rectangle with 1.1 times its longer side; it may reach
@@ -83,7 +117,8 @@ impl NetworkView {
     /// filter's weight is body, the pixel is background.
     ///
     /// # Errors
-    /// If the image and the mask differ in size, or the mask is empty or full; `capture` and the camera are named.
+    /// If the image and the mask differ in size, or the mask is empty, full or of a speck; `capture` and the camera
+    /// are named.
     pub fn new(
         capture: &Path,
         camera: &Camera,
@@ -105,11 +140,29 @@ impl NetworkView {
         if mask.pixels().all(|p| p.0[0] >= BODY) {
             return Err(refuse("its mask is full: mark the background with values below 128".into()));
         }
+        if body.longer_side() < LEAST_BODY_PX {
+            return Err(refuse(format!(
+                "its mask marks only {} × {} pixels, expected a body of at least {LEAST_BODY_PX}: remove specks",
+                body.high[0] - body.low[0],
+                body.high[1] - body.low[1]
+            )));
+        }
+        let whole = [f64::from(mask.width()), f64::from(mask.height())];
+        let cut_off = (0..2).any(|a| body.low[a] <= 0.0 || body.high[a] >= whole[a]);
         let side = CROP_MARGIN * body.longer_side();
         let low = body.centre().map(|c| c - 0.5 * side);
         let crop = Rectangle { low, high: low.map(|l| l + side) };
-        let pixels = resample(image, mask, &crop, size, normalization);
-        Ok(NetworkView { pixels, size, camera: crop_camera(camera, &crop, size), body, crop })
+        let (pixels, covered) = resample(image, mask, &crop, size, normalization);
+        let silhouette = dilate(&covered, size);
+        Ok(NetworkView {
+            pixels,
+            size,
+            camera: crop_camera(camera, &crop, size),
+            body,
+            crop,
+            cut_off,
+            silhouette,
+        })
     }
 
     /// grid_sample coordinates (−1..1, edge to edge of the crop) and depth Z_c in metres of a world point.
@@ -120,9 +173,15 @@ impl NetworkView {
         Some((pixel.map(|p| 2.0 * p / self.size as f64 - 1.0), depth))
     }
 
-    /// Whether a world point projects into the crop; a point that some view does not see so is outside the body.
+    /// Whether a world point projects onto the body's silhouette or within a margin of two crop pixels around it.
+    ///
+    /// A point that some view does not see so is outside the body: the visual hull holds every body whose masks are
+    /// whole. The margin is for masks that are a pixel tight.
     pub fn sees(&self, point: [f64; 3]) -> bool {
-        self.uv_depth(point).is_some_and(|(uv, _)| uv.iter().all(|c| c.abs() <= 1.0))
+        let index = |p: f64| (p >= 0.0 && p < self.size as f64).then_some(p as usize);
+        let pixel = |[u, v]: [f64; 2]| Some(index(v)? * self.size + index(u)?);
+        let found = self.camera.project(point).and_then(|(position, _)| pixel(position));
+        found.is_some_and(|pixel| self.silhouette[pixel])
     }
 
     /// Half the crop's width in metres at depth `depth_m`: (S/2)·Z/f'.
@@ -157,7 +216,7 @@ pub struct BodyRegion {
 impl BodyRegion {
     /// Finds the body's centre and the cube that holds what projects into every mask's rectangle.
     ///
-    /// With one view the depth is that at which the mask's rectangle is 1.7 m high.
+    /// With one view, or views along one line, the depth is that at which the mask's rectangle is 1.7 m high.
     ///
     /// # Errors
     /// If a camera's extrinsics are unknown, the rays do not meet before every camera, or no point projects into all
@@ -189,60 +248,44 @@ impl BodyRegion {
 }
 
 /// Solves Σ (I − d dᵀ)(X − o) = 0 over the rays (o, d) through the rectangles' centres.
+///
+/// One ray, or rays within 10° of each other's lines (two cameras face to face), leave X undetermined along them: then
+/// X is the mean of the points on the rays at which each rectangle is 1.7 m high.
 fn body_centre(capture: &Path, views: &[NetworkView]) -> Result<[f64; 3]> {
-    let mut normal = [[0.0; 3]; 3];
-    let mut right = [0.0; 3];
+    let (mut normal, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+    let mut directions: Vec<[f64; 3]> = Vec::with_capacity(views.len());
+    let mut by_height = [0.0; 3];
     for view in views {
         let pixel = [0, 1]
             .map(|a| (view.body.centre()[a] - view.crop.low[a]) * view.size as f64 / view.crop.longer_side());
-        let ray = view.camera.ray(pixel).ok_or_else(|| Error::Camera {
+        let depth = ASSUMED_HEIGHT_M * view.camera.focal_length_px() / scaled_height(view);
+        let seen = view.camera.ray(pixel).zip(view.camera.back_project(pixel, depth));
+        let (ray, point) = seen.ok_or_else(|| Error::Camera {
             path: capture.into(),
             camera: view.camera.name.clone(),
             message: "it has no R and t: reconstruction needs a calibrated rig; add \"R\" and \"t\"".into(),
         })?;
-        if let [only] = views {
-            let depth = ASSUMED_HEIGHT_M * only.camera.focal_length_px() / scaled_height(only);
-            return only
-                .camera
-                .back_project(pixel, depth)
-                .ok_or_else(|| Error::Unanswerable("no depth".into()));
-        }
         for i in 0..3 {
+            by_height[i] += point[i] / views.len() as f64;
             for j in 0..3 {
                 let m = f64::from(u8::from(i == j)) - ray.direction[i] * ray.direction[j];
                 normal[i][j] += m;
                 right[i] += m * ray.origin[j];
             }
         }
+        directions.push(ray.direction);
     }
-    solve3(normal, right).ok_or_else(|| {
-        Error::Unanswerable(format!(
-            "{}: all cameras look along the same line, so the body's depth is unknown: add a view from another side",
-            capture.display()
-        ))
-    })
+    let crossing = |a: &[f64; 3], b: &[f64; 3]| {
+        let cosine: f64 = (0..3).map(|k| a[k] * b[k]).sum();
+        1.0 - cosine * cosine > LEAST_RAY_SINE * LEAST_RAY_SINE
+    };
+    let meet = directions.iter().enumerate().any(|(i, a)| directions[..i].iter().any(|b| crossing(a, b)));
+    Ok(if meet { solve(&normal, right).unwrap_or(by_height) } else { by_height })
 }
 
 /// Height of the mask's rectangle in crop pixels.
 fn scaled_height(view: &NetworkView) -> f64 {
     (view.body.high[1] - view.body.low[1]) * view.size as f64 / view.crop.longer_side()
-}
-
-/// Cramer's rule; `None` where the system is singular to working precision.
-fn solve3(a: [[f64; 3]; 3], b: [f64; 3]) -> Option<[f64; 3]> {
-    let det = |m: &[[f64; 3]; 3]| {
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
-    };
-    let d = det(&a);
-    if !(d.abs() > 1e-9) {
-        return None;
-    }
-    Some(std::array::from_fn(|c| {
-        let mut replaced = a;
-        (0..3).for_each(|r| replaced[r][c] = b[r]);
-        det(&replaced) / d
-    }))
 }
 
 /// Bounds of the points around `centre` that project into every mask's rectangle, found on 96³ samples.
@@ -303,6 +346,15 @@ fn crop_camera(camera: &Camera, crop: &Rectangle, size: usize) -> Camera {
     }
 }
 
+/// Pixels [S,S] with a set pixel within [`SILHOUETTE_MARGIN`] columns and rows.
+fn dilate(covered: &[bool], size: usize) -> Vec<bool> {
+    let near = |at: usize| at.saturating_sub(SILHOUETTE_MARGIN)..(at + SILHOUETTE_MARGIN + 1).min(size);
+    let columns: Vec<bool> = (0..size * size)
+        .map(|pixel| near(pixel % size).any(|column| covered[pixel / size * size + column]))
+        .collect();
+    (0..size * size).map(|pixel| near(pixel / size).any(|row| columns[row * size + pixel % size])).collect()
+}
+
 /// The taps of a triangle filter: for each crop pixel, the first source pixel and the weights (sum 1).
 fn taps(low: f64, side: f64, size: usize) -> Vec<(i64, Vec<f32>)> {
     let step = side / size as f64;
@@ -319,18 +371,19 @@ fn taps(low: f64, side: f64, size: usize) -> Vec<(i64, Vec<f32>)> {
         .collect()
 }
 
-/// [3,S,S] normalised colours of the crop; see [`NetworkView::new`].
+/// [3,S,S] normalised colours of the crop, and which of its pixels [S,S] are body; see [`NetworkView::new`].
 fn resample(
     image: &RgbImage,
     mask: &GrayImage,
     crop: &Rectangle,
     size: usize,
     to: &Normalization,
-) -> Vec<f32> {
+) -> (Vec<f32>, Vec<bool>) {
     let (width, height) = (i64::from(image.width()), i64::from(image.height()));
     let side = crop.longer_side();
     let (columns, rows) = (taps(crop.low[0], side, size), taps(crop.low[1], side, size));
     let mut pixels = vec![to.background; 3 * size * size];
+    let mut covered = vec![false; size * size];
     // Rows of the photograph, resampled along x once: red, green, blue times body, and body.
     let along_x = |y: i64| -> Vec<[f32; 4]> {
         let pixel = |x: i64| {
@@ -367,6 +420,7 @@ fn resample(
         }
         for (column, [r, g, b, body]) in sums.into_iter().enumerate() {
             if body >= 0.5 {
+                covered[row * size + column] = true;
                 for (channel, value) in [r, g, b].into_iter().enumerate() {
                     let normalised = (value / body / 255.0 - to.mean[channel]) / to.std[channel];
                     pixels[(channel * size + row) * size + column] = normalised;
@@ -374,7 +428,7 @@ fn resample(
             }
         }
     }
-    pixels
+    (pixels, covered)
 }
 
 #[cfg(test)]
@@ -410,24 +464,42 @@ mod tests {
     #[test]
     fn crop_pixels_hold_the_colours_that_its_camera_says() {
         let camera = camera("a", [0.0, 0.0, 4.0]);
-        let view = view(&camera, [40, 140, 50, 110]);
+        let (image, mask) = ramp([40, 140, 50, 110]);
+        // 1.1 · 100 pixels on 55: a triangle filter of a whole number of pixels keeps a ramp exactly.
+        let view = NetworkView::new(Path::new("capture"), &camera, &image, &mask, 55, &Normalization::default())
+            .expect("a usable view");
         // A world point and its colour in the photograph, read back from the crop where the crop's camera sees it.
         for point in [[0.1, 0.2, 0.0], [-0.5, 0.1, 0.3], [0.3, -0.3, -0.2]] {
             let (photo, _) = camera.project(point).expect("before the camera");
             let (uv, _) = view.uv_depth(point).expect("before the camera");
-            let [column, row] = uv.map(|c| (c + 1.0) * 32.0 - 0.5);
+            let [column, row] = uv.map(|c| (c + 1.0) * 27.5 - 0.5);
             let at = |channel: usize, r: f64, c: f64| {
-                f64::from(view.pixels[(channel * 64 + r as usize) * 64 + c as usize]) * 127.5 + 127.5
+                f64::from(view.pixels[(channel * 55 + r as usize) * 55 + c as usize]) * 127.5 + 127.5
             };
             for (channel, expected) in photo.iter().map(|p| p - 0.5).enumerate() {
                 let (r, c) = (row.floor(), column.floor());
                 let (fr, fc) = (row - r, column - c);
                 let found = (1.0 - fr) * ((1.0 - fc) * at(channel, r, c) + fc * at(channel, r, c + 1.0))
                     + fr * ((1.0 - fc) * at(channel, r + 1.0, c) + fc * at(channel, r + 1.0, c + 1.0));
-                // A triangle filter keeps a ramp; f32 colours carry 2⁻²⁴ of 255.
+                // f32 colours of up to 255 carry 2⁻¹⁶.
                 assert!((found - expected).abs() < 1e-3, "channel {channel}: {found} for {expected}");
             }
         }
+    }
+
+    #[test]
+    fn only_points_at_the_silhouette_are_seen() {
+        // The body covers [40, 140) × [50, 110) pixels; the crop's pixels are 110/64 of the photograph's.
+        let camera = camera("a", [0.0, 0.0, 4.0]);
+        let view = view(&camera, [40, 140, 50, 110]);
+        let at = |uv: [f64; 2]| camera.back_project(uv, 4.0).expect("a calibrated camera");
+        for inside in [[41.0, 51.0], [139.0, 109.0], [90.0, 80.0], [38.0, 80.0], [90.0, 111.0]] {
+            assert!(view.sees(at(inside)), "{inside:?}");
+        }
+        for outside in [[33.0, 80.0], [90.0, 117.0], [10.0, 80.0], [90.0, 150.0]] {
+            assert!(!view.sees(at(outside)), "{outside:?}");
+        }
+        assert!(!view.sees([0.0, 0.0, 9.0]), "behind the camera");
     }
 
     #[test]
@@ -476,6 +548,24 @@ mod tests {
     }
 
     #[test]
+    fn cameras_face_to_face_find_the_body_between_them() {
+        // The second view is a pixel off, which puts the rays' nearest point far away from the body.
+        let views = [
+            view(&camera("front", [0.0, 0.0, 4.0]), [80, 120, 36, 124]),
+            view(&camera("back", [0.0, 0.0, -4.0]), [81, 121, 36, 124]),
+        ];
+        let region = BodyRegion::find(Path::new("capture"), &views).expect("a body");
+        assert!(region.centre.iter().all(|c| c.abs() < 0.05), "{:?}", region.centre);
+    }
+
+    #[test]
+    fn a_body_at_the_border_is_reported_as_cut_off() {
+        let camera = camera("a", [0.0, 0.0, 4.0]);
+        assert!(view(&camera, [0, 100, 40, 110]).cut_off && view(&camera, [100, 200, 40, 110]).cut_off);
+        assert!(!view(&camera, [1, 199, 1, 159]).cut_off);
+    }
+
+    #[test]
     fn unusable_views_are_named() {
         let camera = camera("north", [0.0, 0.0, 4.0]);
         let (image, mask) = ramp([0, 0, 0, 0]);
@@ -488,6 +578,7 @@ mod tests {
         assert!(new(&mask).contains("north") && new(&mask).contains("empty"), "{}", new(&mask));
         assert!(new(&GrayImage::from_pixel(200, 160, Luma([255]))).contains("full"));
         assert!(new(&GrayImage::new(10, 10)).contains("10 × 10"));
+        assert!(new(&ramp([50, 53, 40, 42]).1).contains("only 3 × 2 pixels"));
         let unknown = Camera { extrinsics: None::<Extrinsics>, ..camera.clone() };
         let error = BodyRegion::find(Path::new("cap"), &[view(&unknown, [40, 140, 50, 110])])
             .unwrap_err()
