@@ -51,6 +51,28 @@ pub fn environment() -> Result<&'static Environment> {
     Ok(LOADED.get_or_init(|| environment))
 }
 
+/// The library that is in use.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Loaded {
+    /// Its file, links resolved.
+    pub path: PathBuf,
+    /// Such as `1.32`.
+    pub version: String,
+    /// What it says about its build: commit, compile flags.
+    pub build: String,
+}
+
+/// The file behind the environment.
+static OPENED: OnceLock<PathBuf> = OnceLock::new();
+
+/// Which library [`environment`] loaded; `None` before the first graph is.
+pub fn loaded() -> Option<Loaded> {
+    let path = OPENED.get()?;
+    let version = ort::util::probe(path).map_or("unknown".to_string(), |minor| format!("1.{minor}"));
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+    Some(Loaded { path, version, build: ort::info().to_string() })
+}
+
 /// What decides where to look.
 #[derive(Debug)]
 struct Places {
@@ -143,23 +165,34 @@ fn load(places: &Places) -> Result<Environment> {
 
 /// Opens one library and starts its environment; the error is one line.
 fn open(path: &Path) -> std::result::Result<Environment, String> {
+    // Once `ort` has a library it keeps it, whatever file it is given; this one must be judged by itself.
+    if ort::util::probe(path).is_none_or(|minor| minor < OLDEST_MINOR_VERSION) {
+        return Err(ort::init_from(path).err().map_or("is no usable ONNX Runtime 1.x".to_string(), reason));
+    }
+    let builder = ort::init_from(path).map_err(reason)?;
+    // Its failures come back as errors; printing them as well would tell everything twice.
+    let silent = Arc::new(|_: ort::logging::LogLevel, _: &str, _: &str, _: &str, _: &str| {});
+    let environment = builder
+        .with_name("vitruvian")
+        .with_telemetry(false)
+        .with_logger(silent)
+        .build()
+        .map_err(|error| format!("does not start ({})", error.message()))?;
+    OPENED.get_or_init(|| path.to_path_buf());
+    Ok(environment)
+}
+
+/// Why `ort` refused a library, in one line.
+fn reason(refusal: ort::LoadDynamicError) -> String {
     use ort::LoadDynamicError as Refusal;
-    let builder = ort::init_from(path).map_err(|refusal| match refusal {
+    match refusal {
         Refusal::Dlopen { error, .. } => format!("cannot be loaded ({error})"),
         Refusal::MissingApi { .. } => "is a library, but not ONNX Runtime (no OrtGetApiBase)".to_string(),
         Refusal::InvalidVersionString => "does not tell its version".to_string(),
         Refusal::BadVersion { version_str, .. } => {
             format!("is version {version_str}, at least 1.{OLDEST_MINOR_VERSION} is needed")
         }
-    })?;
-    // Its failures come back as errors; printing them as well would tell everything twice.
-    let silent = Arc::new(|_: ort::logging::LogLevel, _: &str, _: &str, _: &str, _: &str| {});
-    builder
-        .with_name("vitruvian")
-        .with_telemetry(false)
-        .with_logger(silent)
-        .build()
-        .map_err(|error| format!("does not start ({})", error.message()))
+    }
 }
 
 #[cfg(test)]
@@ -190,7 +223,20 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join(file_name());
         std::fs::write(&path, b"not a library").expect("a writable folder");
-        assert!(message(&named(&path)).contains("cannot be loaded"), "{}", message(&named(&path)));
+        // Which of the two words is used depends on whether another test has loaded a library before.
+        let message = message(&named(&path));
+        let refused =
+            ["cannot be loaded", "is no usable ONNX Runtime"].iter().any(|words| message.contains(words));
+        assert!(refused, "{message}");
+    }
+
+    #[test]
+    fn an_old_library_is_refused_with_its_version() {
+        let refusal = ort::LoadDynamicError::BadVersion {
+            version_str: "1.22.1".to_string(),
+            path: PathBuf::from("old.so"),
+        };
+        assert_eq!(reason(refusal), "is version 1.22.1, at least 1.23 is needed");
     }
 
     #[test]
@@ -226,5 +272,9 @@ mod tests {
     fn the_library_of_make_onnxruntime_is_found_from_here() {
         // Fails with the list of places and the command to run when it has not been brought.
         environment().unwrap_or_else(|error| panic!("{error}"));
+        let loaded = loaded().expect("the environment has a library");
+        let minor: u32 =
+            loaded.version.strip_prefix("1.").and_then(|m| m.parse().ok()).expect("a version 1.x");
+        assert!(minor >= OLDEST_MINOR_VERSION && loaded.path.is_file(), "{loaded:?}");
     }
 }
