@@ -466,8 +466,9 @@ mod tests {
         let camera = camera("a", [0.0, 0.0, 4.0]);
         let (image, mask) = ramp([40, 140, 50, 110]);
         // 1.1 · 100 pixels on 55: a triangle filter of a whole number of pixels keeps a ramp exactly.
-        let view = NetworkView::new(Path::new("capture"), &camera, &image, &mask, 55, &Normalization::default())
-            .expect("a usable view");
+        let view =
+            NetworkView::new(Path::new("capture"), &camera, &image, &mask, 55, &Normalization::default())
+                .expect("a usable view");
         // A world point and its colour in the photograph, read back from the crop where the crop's camera sees it.
         for point in [[0.1, 0.2, 0.0], [-0.5, 0.1, 0.3], [0.3, -0.3, -0.2]] {
             let (photo, _) = camera.project(point).expect("before the camera");

@@ -91,20 +91,20 @@ pub fn render(
     let mut canvas = Canvas::new(camera);
     for face in &mesh.faces {
         let triangle = face.map(|i| corners[i as usize]);
-        for piece in clip_near(&triangle) {
-            canvas.draw(&piece, light);
+        if triangle.iter().all(|c| c.position[2] >= NEAR_M) {
+            canvas.draw(&triangle, light);
+        } else {
+            clip_near(&triangle).for_each(|piece| canvas.draw(&piece, light));
         }
     }
     canvas.develop(light)
 }
 
-/// The part of a triangle with Z_c ≥ [`NEAR_M`], as zero, one or two triangles.
+/// The part with Z_c ≥ [`NEAR_M`] of a triangle that crosses that plane, as zero, one or two triangles.
 fn clip_near(triangle: &[Corner; 3]) -> impl Iterator<Item = [Corner; 3]> {
     let inside = |c: &Corner| c.position[2] >= NEAR_M;
     let mut polygon: Vec<Corner> = Vec::new();
-    if triangle.iter().all(inside) {
-        polygon.extend(triangle);
-    } else if triangle.iter().any(inside) {
+    if triangle.iter().any(inside) {
         for k in 0..3 {
             let (a, b) = (&triangle[k], &triangle[(k + 1) % 3]);
             if inside(a) {
@@ -161,11 +161,12 @@ impl<'a> Canvas<'a> {
         };
         let (Some((x0, x1)), Some((y0, y1))) = (range(0, self.width), range(1, self.height)) else { return };
         let inverse_depth = triangle.map(|c| 1.0 / c.position[2]);
+        let per_area = 1.0 / area;
         for y in y0..=y1 {
             for x in x0..=x1 {
                 let p = [x as f64, y as f64];
                 let edge = |s: [f64; 2], e: [f64; 2]| {
-                    ((e[0] - s[0]) * (p[1] - s[1]) - (e[1] - s[1]) * (p[0] - s[0])) / area
+                    ((e[0] - s[0]) * (p[1] - s[1]) - (e[1] - s[1]) * (p[0] - s[0])) * per_area
                 };
                 // Barycentric on the screen; a sample on a shared edge may be drawn twice, the nearer stays.
                 let weights = [edge(b, c), edge(c, a), edge(a, b)];
@@ -210,6 +211,15 @@ impl<'a> Canvas<'a> {
                 light.background[0][i] + t * (light.background[1][i] - light.background[0][i])
             });
             let background = background.map(byte);
+            let first_line = row as usize * SAMPLES * self.width;
+            let lines = &self.nearness[first_line..first_line + SAMPLES * self.width];
+            if lines.iter().all(|&n| n == 0.0) {
+                for column in 0..width {
+                    image.put_pixel(column, row, Rgb(background));
+                }
+                depth_m.extend(std::iter::repeat_n(f32::INFINITY, width as usize));
+                continue;
+            }
             for column in 0..width {
                 let first = row as usize * SAMPLES * self.width + column as usize * SAMPLES;
                 let mut sum = [0u32; 3];

@@ -65,7 +65,12 @@ impl Turntable {
     /// # Panics
     /// If there are not as many colours as vertices, or a face names no vertex.
     pub fn picture(&self, mesh: &Mesh, colors: &[[f32; 3]], yaw: f64) -> RgbImage {
-        render(mesh, &mesh.vertex_normals(), colors, &self.camera(yaw), &Light::default()).image
+        // The lamp turns with the camera, so that no side is in the dark.
+        let light = Light::default();
+        let [x, y, z] = light.towards_lamp;
+        let (sine, cosine) = (yaw as f32).sin_cos();
+        let light = Light { towards_lamp: [cosine * x + sine * z, y, cosine * z - sine * x], ..light };
+        render(mesh, &mesh.vertex_normals(), colors, &self.camera(yaw), &light).image
     }
 }
 
@@ -124,9 +129,14 @@ mod tests {
 
     #[test]
     fn pictures_show_the_mesh_and_nothing_gives_none() {
-        let pictures = preview(&stretched(), 3, 40, 60);
+        let pictures = preview(&sphere(0.9, [5.0, -3.0, 2.0], 16), 3, 40, 60);
         assert_eq!(pictures.len(), 3);
-        assert!(pictures.iter().all(|p| p.dimensions() == (40, 60) && p.get_pixel(20, 30).0 != [255; 3]));
+        let middle = pictures.iter().map(|p| p.get_pixel(20, 30).0).collect::<Vec<_>>();
+        assert!(pictures.iter().all(|p| p.dimensions() == (40, 60)) && middle.iter().all(|m| *m != [255; 3]));
+        assert!(
+            middle.iter().all(|m| m[0].abs_diff(middle[0][0]) < 12),
+            "every side is lit alike: {middle:?}"
+        );
         assert!(preview(&Mesh::default(), 3, 40, 60).is_empty());
         assert_eq!(Turntable::around(&stretched(), 0, 10), None);
     }
