@@ -133,16 +133,6 @@ impl GraphBuilder {
         self
     }
 
-    /// An f32 scalar as an initialiser.
-    pub(crate) fn scalar(mut self, name: &str, value: f32) -> Self {
-        message(5, &mut self.graph, |tensor| {
-            number(2, Element::F32 as u64, tensor);
-            bytes(8, name.as_bytes(), tensor);
-            bytes(9, &value.to_le_bytes(), tensor);
-        });
-        self
-    }
-
     /// The file: ONNX IR 10, operator set 21.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut model = Vec::new();

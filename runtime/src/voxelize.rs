@@ -171,7 +171,8 @@ fn mark_crossings(triangle: [[f64; 3]; 3], d: usize, crossings: &mut [u8]) {
         // Going round a triangle, y is passed upwards as often as downwards: by no side, or by one side each.
         let passing = |upwards: bool| {
             let sides = (0..3).map(|at| (triangle[at], triangle[(at + 1) % 3]));
-            let mut ends = sides.filter(|(a, b)| if upwards { a[1] <= y && b[1] > y } else { a[1] > y && b[1] <= y });
+            let mut ends =
+                sides.filter(|(a, b)| if upwards { a[1] <= y && b[1] > y } else { a[1] > y && b[1] <= y });
             ends.next().map(|(a, b)| meet(a, b, y))
         };
         let (Some(up), Some(down)) = (passing(true), passing(false)) else { continue };

@@ -22,6 +22,7 @@ mod following;
 mod sampler;
 
 use ndarray::Array3;
+use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::marching_cubes::{extract, level_never_reached, marching_cubes};
@@ -112,7 +113,7 @@ pub enum Mode {
 }
 
 /// What an evaluation cost.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Report {
     /// R.
     pub resolution: usize,
