@@ -1,11 +1,15 @@
 //! Why a command ended without its result, in one line for the terminal.
 
+use std::path::Path;
+
+use vitruvian_runtime::error::Error;
+
 /// A command's failure.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// The runtime refused: a file, a camera, a graph, a missing component.
     #[error(transparent)]
-    Runtime(#[from] vitruvian_runtime::error::Error),
+    Runtime(#[from] Error),
     /// The arguments or their files do not make sense together.
     #[error("{0}")]
     Usage(String),
@@ -27,3 +31,11 @@ impl Failure {
 
 /// A command's result.
 pub type Result<T> = std::result::Result<T, Failure>;
+
+/// Names the file in a failure that the runtime could not tie to one, because it was handed the content alone.
+pub fn about(path: &Path) -> impl Fn(Error) -> Failure {
+    move |error| match error {
+        Error::Unanswerable(message) => Error::file(path, message).into(),
+        other => other.into(),
+    }
+}

@@ -4,10 +4,17 @@
 
 mod body;
 mod dataset;
+mod evaluate;
 mod failure;
+mod mesh;
+mod mesh_format;
+mod output_folder;
 mod progress;
+mod reconstruct;
 mod synthesis;
 mod synthesize;
+mod table;
+mod voxelize;
 
 use std::process::ExitCode;
 
@@ -15,7 +22,7 @@ use clap::{Parser, Subcommand};
 
 /// 3-D human bodies from images: reconstruct, measure, synthesise.
 ///
-/// Results go to files; progress and words to standard error; --json to standard output.
+/// Results go to files; progress and words to standard error; tables and --json to standard output.
 /// Exit status: 0 done, 1 the verdict is negative, 2 bad input or usage, 3 a needed component is missing.
 #[derive(Parser)]
 #[command(version, max_term_width = 110)]
@@ -26,12 +33,20 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Reconstruct(reconstruct::Arguments),
+    Mesh(mesh::Arguments),
+    Voxelize(voxelize::Arguments),
+    Evaluate(evaluate::Arguments),
     Synthesize(synthesize::Arguments),
     Dataset(dataset::Arguments),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Mesh(arguments) => mesh::run(&arguments),
+        Command::Voxelize(arguments) => voxelize::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Synthesize(arguments) => synthesize::run(&arguments),
         Command::Dataset(arguments) => dataset::run(&arguments),
     };

@@ -1,0 +1,141 @@
+//! `vitruvian evaluate`: how far a result is from the truth.
+
+mod captures;
+mod joints;
+mod largest_piece;
+mod masks;
+pub mod surfaces;
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::failure::{Failure, Result};
+use crate::table;
+
+/// Measure a result against the truth: meshes, masks, joints, or folders of them
+///
+/// Two meshes (.ply, .obj): P2S and completeness in cm, Chamfer-L2 in 10⁻² m², IoU of the volumes.
+/// Two masks (.png), or two folders of masks: IoU.
+/// Two .npz with joints [24,3] or [F,24,3], or with poses, betas and trans: joint errors in mm, PCK@150 and AUC in %.
+/// A folder that `reconstruct` wrote and its capture, or folders of them: a row per capture, and means.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// What is judged
+    predicted: PathBuf,
+    /// What it is judged by
+    truth: PathBuf,
+    /// Write the result to standard output as JSON
+    #[arg(long)]
+    json: bool,
+    /// Exit with status 1 if the IoU (mean, of refined meshes where there are any) is below this
+    #[arg(long)]
+    min_iou: Option<f64>,
+    /// Exit with status 1 if the P2S in cm (mean, of refined meshes where there are any) is above this
+    #[arg(long)]
+    max_p2s_cm: Option<f64>,
+    /// Body model that poses are given to where there are no joints; the built-in mannequin without it
+    #[arg(long)]
+    body: Option<PathBuf>,
+    #[command(flatten)]
+    sampling: surfaces::Sampling,
+}
+
+/// What an evaluation found: for people, for machines, and for the bounds.
+pub struct Findings {
+    /// The table.
+    pub text: String,
+    /// The same as JSON.
+    pub json: Value,
+    /// What `--min-iou` judges; `None` where it was not measured.
+    pub iou: Option<f64>,
+    /// What `--max-p2s-cm` judges; `None` where it was not measured.
+    pub p2s_cm: Option<f64>,
+}
+
+/// The kinds of things that can be compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Mesh,
+    Mask,
+    Joints,
+    Folder,
+}
+
+impl Kind {
+    fn of(path: &Path) -> Result<Kind> {
+        if path.is_dir() {
+            return Ok(Kind::Folder);
+        }
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        match extension.as_str() {
+            "obj" | "ply" | "glb" => Ok(Kind::Mesh),
+            "png" => Ok(Kind::Mask),
+            "npz" => Ok(Kind::Joints),
+            _ => Err(Failure::Usage(format!(
+                "{}: expected a folder, a mesh (.ply, .obj), a mask (.png) or joints (.npz)",
+                path.display()
+            ))),
+        }
+    }
+}
+
+/// Measures, prints, and judges the bounds.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let (predicted, truth) = (&arguments.predicted, &arguments.truth);
+    let kinds = (Kind::of(predicted)?, Kind::of(truth)?);
+    let findings = match kinds {
+        (Kind::Mesh, Kind::Mesh) => surfaces::evaluate(predicted, truth, &arguments.sampling)?,
+        (Kind::Mask, Kind::Mask) => masks::evaluate(predicted, truth)?,
+        (Kind::Joints, Kind::Joints) => joints::evaluate(predicted, truth, arguments.body.as_deref())?,
+        (Kind::Folder, Kind::Folder) if masks::is_folder_of_masks(predicted) => {
+            masks::evaluate_folders(predicted, truth)?
+        }
+        (Kind::Folder, Kind::Folder) => captures::evaluate(predicted, truth, &arguments.sampling)?,
+        (predicted_kind, truth_kind) => {
+            return Err(Failure::Usage(format!(
+                "{} is a {} and {} is a {}: give two of a kind",
+                predicted.display(),
+                predicted_kind.name(),
+                truth.display(),
+                truth_kind.name()
+            )));
+        }
+    };
+    table::say(&if arguments.json { findings.json.to_string() } else { findings.text.clone() });
+    judge(arguments, &findings)
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Mesh => "mesh",
+            Kind::Mask => "mask",
+            Kind::Joints => "file of joints",
+            Kind::Folder => "folder",
+        }
+    }
+}
+
+fn judge(arguments: &Arguments, findings: &Findings) -> Result<()> {
+    let unmeasured = |option: &str, what: &str| Failure::Usage(format!("{option}: no {what} was measured here"));
+    if let Some(bound) = arguments.min_iou {
+        let iou = findings.iou.ok_or_else(|| unmeasured("--min-iou", "IoU"))?;
+        // Written so that NaN fails.
+        if !(iou >= bound) {
+            return Err(Failure::Negative(format!("IoU {iou:.4} is below the bound {bound}")));
+        }
+    }
+    if let Some(bound) = arguments.max_p2s_cm {
+        let p2s = findings.p2s_cm.ok_or_else(|| unmeasured("--max-p2s-cm", "P2S"))?;
+        if !(p2s <= bound) {
+            return Err(Failure::Negative(format!("P2S {p2s:.4} cm is above the bound {bound} cm")));
+        }
+    }
+    Ok(())
+}
+
+/// Names the two sides in a JSON result.
+fn sides(predicted: &Path, truth: &Path) -> Value {
+    json!({ "predicted": predicted.display().to_string(), "truth": truth.display().to_string() })
+}
