@@ -73,7 +73,7 @@ pub fn rodrigues(axis_angle: Vector3) -> Matrix3 {
 /// The axis–angle vector (radians) of a rotation matrix: the inverse of [`rodrigues`], with 0 ≤ ‖v‖ ≤ π.
 ///
 /// With w = vee(R) = sin α · n and cos α = (tr R − 1)/2 the angle is atan2(‖w‖, cos α), accurate everywhere.
-/// Below three quarters of a turn of π the axis is w/‖w‖. Towards π, where w vanishes, it comes from the symmetric
+/// Below ¾π the axis is w/‖w‖. Towards π, where w vanishes, it comes from the symmetric
 /// part: (R + Rᵀ)/2 = cos α I + (1 − cos α) n nᵀ, whose largest column is n up to sign, and w gives the sign.
 ///
 /// # Conventions

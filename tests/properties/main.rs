@@ -1,4 +1,6 @@
 //! Laws.
 
+mod body;
 mod nn;
+mod rotation;
 mod surface;

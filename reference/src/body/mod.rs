@@ -7,7 +7,7 @@
 //! 3. [`kinematic_tree`]: global transforms G_j along the tree, and A_j = G_j with the rest joint removed;
 //! 4. [`skinning`]: v_i = Σ_j w_ij A_j v_posed,i + trans.
 //!
-//! [`mannequin`] is a complete model made by arithmetic alone.
+//! [`mannequin()`] is a complete model made by arithmetic alone.
 //!
 //! # References
 //! Loper, Mahmood, Romero, Pons-Moll, Black 2015, "SMPL: A Skinned Multi-Person Linear Model"; Li 2021, ch. 2 §2.

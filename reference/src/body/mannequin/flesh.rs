@@ -200,8 +200,7 @@ const LOFTS: [Loft; 15] = [
     },
 ];
 
-/// The Catmull–Rom curve through p1 (t = 0) and p2 (t = 1) with neighbours p0 and p3 at uneven spacing handled by the
-/// caller's tangents m1, m2 (per unit of t): cubic Hermite interpolation.
+/// Cubic Hermite interpolation: the curve from p1 (t = 0) to p2 (t = 1) with tangents m1 and m2 per unit of t.
 fn hermite(p1: f64, m1: f64, p2: f64, m2: f64, t: f64) -> f64 {
     let (t2, t3) = (t * t, t * t * t);
     (2.0 * t3 - 3.0 * t2 + 1.0) * p1 + (t3 - 2.0 * t2 + t) * m1 + (3.0 * t2 - 2.0 * t3) * p2 + (t3 - t2) * m2

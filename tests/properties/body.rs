@@ -1,0 +1,135 @@
+//! Laws of the body model, on the mannequin.
+
+use proptest::prelude::*;
+use std::sync::OnceLock;
+use vitruvian_reference::body::mannequin::MIRRORED_JOINT;
+use vitruvian_reference::body::{BodyModel, mannequin};
+use vitruvian_reference::linalg::matrix::mul;
+use vitruvian_reference::linalg::vector::{Vector3, add, distance, lerp, sub};
+use vitruvian_reference::rotation::{logarithm, rodrigues};
+
+fn body() -> &'static BodyModel {
+    static BODY: OnceLock<BodyModel> = OnceLock::new();
+    BODY.get_or_init(mannequin)
+}
+
+fn pose() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(-1.2..1.2f64, 72)
+}
+
+fn betas() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(-2.5..2.5f64, 10)
+}
+
+fn trans() -> impl Strategy<Value = Vector3> {
+    prop::array::uniform3(-3.0..3.0f64)
+}
+
+fn furthest(a: &[Vector3], b: &[Vector3]) -> f64 {
+    assert_eq!(a.len(), b.len(), "two bodies of one model");
+    a.iter().zip(b).map(|(a, b)| distance(*a, *b)).fold(0.0, f64::max)
+}
+
+fn mirrored(v: Vector3) -> Vector3 {
+    [-v[0], v[1], v[2]]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn zero_pose_is_the_shaped_template(betas in betas()) {
+        let posed = body().pose(&[0.0; 72], &betas, [0.0; 3]);
+        for (i, v) in posed.vertices.iter().enumerate() {
+            let shaped: Vector3 = std::array::from_fn(|axis| {
+                let row = &body().shapedirs[(3 * i + axis) * 10..][..10];
+                body().v_template[i][axis] + row.iter().zip(&betas).map(|(d, b)| d * b).sum::<f64>()
+            });
+            prop_assert!(distance(*v, shaped) < 1e-14);
+        }
+        prop_assert!(furthest(&posed.joints, &body().rest_joints(&betas)) < 1e-14);
+    }
+
+    #[test]
+    fn shape_is_linear_at_rest(a in betas(), b in betas(), t in -1.0..2.0f64) {
+        let mixed: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (1.0 - t) * a + t * b).collect();
+        let at = |betas: &[f64]| body().pose(&[0.0; 72], betas, [0.0; 3]).vertices;
+        let blended: Vec<Vector3> = at(&a).iter().zip(at(&b)).map(|(a, b)| lerp(*a, b, t)).collect();
+        prop_assert!(furthest(&at(&mixed), &blended) < 1e-14);
+    }
+
+    #[test]
+    fn translation_moves_everything_alike(pose in pose(), betas in betas(), trans in trans()) {
+        let (here, there) = (body().pose(&pose, &betas, [0.0; 3]), body().pose(&pose, &betas, trans));
+        let moved = |points: &[Vector3]| -> Vec<Vector3> { points.iter().map(|p| add(*p, trans)).collect() };
+        prop_assert!(furthest(&moved(&here.vertices), &there.vertices) < 1e-14);
+        prop_assert!(furthest(&moved(&here.joints), &there.joints) < 1e-14);
+    }
+
+    #[test]
+    fn root_turns_the_whole_body_about_the_pelvis(pose in pose(), betas in betas(), turn in prop::array::uniform3(-2.0..2.0f64)) {
+        let r = rodrigues(turn);
+        let mut turned = pose.clone();
+        turned[..3].copy_from_slice(&logarithm(&mul(&r, &rodrigues([pose[0], pose[1], pose[2]]))));
+        let (before, after) = (body().pose(&pose, &betas, [0.0; 3]), body().pose(&turned, &betas, [0.0; 3]));
+        let pelvis = before.joints[0];
+        let rotate = |p: &Vector3| add(pelvis, vitruvian_reference::linalg::matrix::apply(&r, sub(*p, pelvis)));
+        prop_assert!(furthest(&before.vertices.iter().map(rotate).collect::<Vec<_>>(), &after.vertices) < 1e-13);
+        prop_assert!(furthest(&before.joints.iter().map(rotate).collect::<Vec<_>>(), &after.joints) < 1e-13);
+    }
+
+    #[test]
+    fn bones_keep_their_length_in_every_pose(pose in pose(), betas in betas()) {
+        let (posed, rest) = (body().pose(&pose, &betas, [0.0; 3]).joints, body().rest_joints(&betas));
+        for (child, parent) in body().parents.iter().enumerate() {
+            if let Some(parent) = *parent {
+                let change = distance(posed[child], posed[parent]) - distance(rest[child], rest[parent]);
+                prop_assert!(change.abs() < 1e-14, "bone {parent}–{child}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_joint_moves_only_what_hangs_on_it(pose in pose(), joint in 1..24usize, turn in prop::array::uniform3(-1.0..1.0f64)) {
+        let mut other = pose.clone();
+        other[3 * joint..3 * joint + 3].copy_from_slice(&turn);
+        let (a, b) = (body().pose(&pose, &[], [0.0; 3]), body().pose(&other, &[], [0.0; 3]));
+        let hangs = |mut j: usize| loop {
+            if j == joint {
+                return true;
+            }
+            match body().parents[j] {
+                Some(parent) => j = parent,
+                None => return false,
+            }
+        };
+        for (i, (v, w)) in a.vertices.iter().zip(&b.vertices).enumerate() {
+            if (0..24).all(|j| body().lbs_weights[24 * i + j] == 0.0 || !hangs(j)) {
+                prop_assert!(v == w, "vertex {i} moved with joint {joint}");
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_poses_make_mirrored_bodies(pose in pose(), betas in betas()) {
+        // Reflecting in x keeps the x component of a rotation vector and turns the other two round.
+        let mut reflected = vec![0.0; 72];
+        for j in 0..24 {
+            let m = 3 * MIRRORED_JOINT[j];
+            reflected[m] = pose[3 * j];
+            reflected[m + 1] = -pose[3 * j + 1];
+            reflected[m + 2] = -pose[3 * j + 2];
+        }
+        let (a, b) = (body().pose(&pose, &betas, [0.0; 3]), body().pose(&reflected, &betas, [0.0; 3]));
+        let joints: Vec<Vector3> = (0..24).map(|j| mirrored(a.joints[MIRRORED_JOINT[j]])).collect();
+        prop_assert!(furthest(&joints, &b.joints) < 1e-13);
+        // Vertices are not listed by pairs; the same points in another order have the same extremes along any direction.
+        for direction in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.3, -0.5, 0.8], [-0.7, 0.2, 0.1]] {
+            let reach = |points: &[Vector3], d: Vector3| {
+                points.iter().map(|p| p[0] * d[0] + p[1] * d[1] + p[2] * d[2]).fold(f64::NEG_INFINITY, f64::max)
+            };
+            let difference = reach(&a.vertices, direction) - reach(&b.vertices, mirrored(direction));
+            prop_assert!(difference.abs() < 1e-12, "{difference:e}");
+        }
+    }
+}
