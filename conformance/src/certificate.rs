@@ -98,8 +98,9 @@ pub struct Slope {
     pub slope: f64,
     /// The slope in units of its own standard deviation, from the scatter of the differences around it.
     pub z: f64,
-    /// Mean of n = bound/unit: roundings per element.
-    pub roundings: f64,
+    /// The largest slope that rounding makes: 4·√n·u with the mean n = bound/unit, times √(Σ1/Σc²) with c = y/m where the
+    /// elements share roundings.
+    pub limit: f64,
     /// Elements that took part.
     pub elements: usize,
 }
@@ -113,7 +114,11 @@ impl Slope {
     pub const Z: f64 = 8.0;
 
     /// Estimates the slope from differences e, values y, bounds and units; `None` when too few elements carry a unit.
-    pub fn estimate(elements: impl Iterator<Item = (f64, f64, f64, f64)>) -> Option<Self> {
+    ///
+    /// Independent roundings are at most 4·√n·u·m each and average out, so their slope stays below 4·√n·u. A shared one,
+    /// such as a variance's that is lost by cancellation, is itself a factor: it may be as large as 4·√n·u·m/|y|, for which
+    /// the root mean square over the elements stands.
+    pub fn estimate(elements: impl Iterator<Item = (f64, f64, f64, f64)>, shared: bool) -> Option<Self> {
         let (mut count, mut ey, mut yy, mut ee, mut roundings) = (0_usize, 0.0, 0.0, 0.0, 0.0);
         for (error, value, bound, unit) in elements {
             if unit > 0.0 && error.is_finite() && value.is_finite() && bound.is_finite() {
@@ -132,7 +137,11 @@ impl Slope {
         let scatter = ((ee - slope * ey).max(0.0) / (count - 1) as f64).sqrt();
         // Differences that a factor explains entirely leave no scatter; then any slope is certain.
         let z = if slope == 0.0 { 0.0 } else { slope * yy.sqrt() / scatter };
-        Some(Self { slope, z, roundings: roundings / count as f64, elements: count })
+        let roundings = (roundings / count as f64).max(1.0);
+        // Σc² = u²·Σ(y/unit)².
+        let condition = if shared { (count as f64 / yy).sqrt() / UNIT_ROUNDOFF } else { 1.0 };
+        let limit = LAMBDA * roundings.sqrt() * UNIT_ROUNDOFF * condition.max(1.0);
+        Some(Self { slope, z, limit, elements: count })
     }
 
     /// Whether the differences have a common factor that rounding does not make.
@@ -141,7 +150,7 @@ impl Slope {
     /// they share their roundings, and a correct convolution reaches z = 26 with a slope of 0.14 u. The slope alone is not
     /// enough either, since a few cancelling elements can have any slope.
     pub fn is_systematic(&self) -> bool {
-        self.z.abs() > Self::Z && self.slope.abs() > LAMBDA * self.roundings.max(1.0).sqrt() * UNIT_ROUNDOFF
+        self.z.abs() > Self::Z && self.slope.abs() > self.limit
     }
 }
 
@@ -217,14 +226,27 @@ mod tests {
         let fault = noisy(5e-4);
         let hidden = |&(error, _, bound, _): &(f64, f64, f64, f64)| error.abs() <= bound;
         assert!(fault.iter().all(hidden), "the bound alone is blind to it");
-        let seen = Slope::estimate(fault.into_iter()).expect("enough elements");
+        let seen = Slope::estimate(fault.into_iter(), false).expect("enough elements");
         assert!(seen.is_systematic(), "{seen:?}");
-        let noise = Slope::estimate(noisy(0.0).into_iter()).expect("enough elements");
+        let noise = Slope::estimate(noisy(0.0).into_iter(), false).expect("enough elements");
         assert!(!noise.is_systematic(), "{noise:?}");
     }
 
     #[test]
+    fn a_factor_that_all_elements_share_by_rounding_is_no_fault() {
+        // m = 10⁶·|y|: cancellation has eaten the statistic that all elements are divided by.
+        let elements = || {
+            (0..64).map(|i| {
+                let value = f64::from(i) - 31.5;
+                (1e-3 * value, value, 300e6 * UNIT_ROUNDOFF * 64.0, 1e6 * UNIT_ROUNDOFF * 64.0)
+            })
+        };
+        assert!(!Slope::estimate(elements(), true).expect("enough elements").is_systematic(), "shared");
+        assert!(Slope::estimate(elements(), false).expect("enough elements").is_systematic(), "independent");
+    }
+
+    #[test]
     fn few_elements_have_no_slope() {
-        assert_eq!(Slope::estimate(noisy(5e-4).into_iter().take(Slope::FEWEST - 1)), None, "too few");
+        assert_eq!(Slope::estimate(noisy(5e-4).into_iter().take(Slope::FEWEST - 1), false), None, "too few");
     }
 }

@@ -15,19 +15,21 @@ pub struct Expected {
     pub bounds: Vec<f64>,
     /// u·m per element: one rounding of the size that the operator handles there; 0 where nothing is rounded.
     pub units: Vec<f64>,
+    /// Whether many elements share a rounding, as those share the deviation's that are normalised together.
+    pub shared: bool,
 }
 
 impl Expected {
     /// A tensor that must be met exactly, as by operators that only move or choose numbers.
     pub fn exact(shape: &[usize], values: Vec<f64>) -> Self {
         let zeros = vec![0.0; values.len()];
-        Self { shape: shape.to_vec(), values, bounds: zeros.clone(), units: zeros }
+        Self { shape: shape.to_vec(), values, bounds: zeros.clone(), units: zeros, shared: false }
     }
 
     /// A tensor in which every element may differ by as much as `tolerance`, which is also the unit of the report.
     pub fn within(shape: &[usize], values: Vec<f64>, tolerance: f64) -> Self {
         let all = vec![tolerance; values.len()];
-        Self { shape: shape.to_vec(), values, bounds: all.clone(), units: all }
+        Self { shape: shape.to_vec(), values, bounds: all.clone(), units: all, shared: true }
     }
 }
 
@@ -123,10 +125,11 @@ pub fn compare(expected: &Expected, found: &Found) -> Comparison {
             csu = csu.max(error / unit);
         }
     }
-    let slope = Slope::estimate((0..count).map(|i| {
+    let elements = (0..count).map(|i| {
         let error = f64::from(found.values[i]) - expected.values[i];
         (error, expected.values[i], expected.bounds[i], expected.units[i])
-    }));
+    });
+    let slope = Slope::estimate(elements, expected.shared);
     let worst = worst.map(|i| Worst {
         index: unravel(i, &expected.shape),
         expected: expected.values[i],
@@ -222,6 +225,7 @@ mod tests {
             bounds: values.iter().map(|v| 10.0 * UNIT_ROUNDOFF * v).collect(),
             units: values.iter().map(|v| UNIT_ROUNDOFF * v).collect(),
             values,
+            shared: false,
         }
     }
 

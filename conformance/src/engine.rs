@@ -1,61 +1,45 @@
-//! ONNX Runtime as the runtime crate finds and starts it, for graphs that carry no contract.
+//! Graphs through the runtime's sessions, with every output as plain numbers.
 
-use ort::session::Session;
-use ort::session::builder::GraphOptimizationLevel;
-use ort::value::TensorRef;
-use vitruvian_runtime::library;
+use ndarray::ArrayViewD;
+use vitruvian_runtime::session::{Input, Session, Settings};
+
+pub use vitruvian_runtime::session::Optimization;
 
 use crate::array::Array;
 use crate::compare::Found;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
-/// Whether ONNX Runtime may rewrite the graph before running it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Optimization {
-    /// Every node as written.
-    Off,
-    /// Everything it knows: fused nodes, other memory layouts.
-    All,
-}
+/// The two ways in which every graph is judged: as written, and as it ships.
+pub const OPTIMIZATIONS: [Optimization; 2] = [Optimization::Disabled, Optimization::All];
 
-impl Optimization {
-    /// Both.
-    pub const BOTH: [Self; 2] = [Self::Off, Self::All];
-}
-
-/// Runs a graph once; its outputs in order.
+/// Runs a graph once, on one thread; its outputs in order.
 ///
 /// # Errors
 /// When ONNX Runtime is missing, or refuses the graph or the inputs.
+///
+/// # Panics
+/// When an input's shape and values do not fit, which [`Array`] excludes.
 pub fn run(
     name: &str,
     graph: &[u8],
     optimization: Optimization,
     inputs: &[(&str, &Array)],
 ) -> Result<Vec<Found>> {
-    let engine = |error: ort::Error| Error::Engine { graph: name.to_owned(), message: error.to_string() };
-    let level = match optimization {
-        Optimization::Off => GraphOptimizationLevel::Disable,
-        Optimization::All => GraphOptimizationLevel::All,
-    };
-    let mut session = Session::builder(library::environment()?)
-        .map_err(engine)?
-        .with_optimization_level(level)
-        .and_then(|builder| builder.with_intra_threads(1))
-        .map_err(|error| engine(error.into()))?
-        .commit_from_memory(graph)
-        .map_err(engine)?;
-    let mut values = Vec::with_capacity(inputs.len());
-    for (input, array) in inputs {
-        let tensor = TensorRef::from_array_view((&array.shape[..], &array.values[..])).map_err(engine)?;
-        values.push((*input, tensor));
-    }
-    let outputs = session.run(values).map_err(engine)?;
+    let mut session = Session::from_bytes(name, graph, &Settings { optimization, threads: 1 })?;
+    let outputs: Vec<String> = session.outputs().iter().map(|output| output.name.clone()).collect();
+    let inputs: Vec<(&str, Input)> = inputs
+        .iter()
+        .map(|(input, array)| {
+            let view = ArrayViewD::from_shape(&array.shape[..], &array.values);
+            (*input, Input::F32(view.expect("an array has as many values as places")))
+        })
+        .collect();
+    let outputs = session.run(&inputs, &outputs.iter().map(String::as_str).collect::<Vec<_>>())?;
     outputs
-        .values()
+        .iter()
         .map(|value| {
-            let (shape, values) = value.try_extract_tensor::<f32>().map_err(engine)?;
-            Ok(Found { shape: shape.iter().map(|&side| side as usize).collect(), values: values.to_vec() })
+            let values = value.f32()?;
+            Ok(Found { shape: values.shape().to_vec(), values: values.iter().copied().collect() })
         })
         .collect()
 }

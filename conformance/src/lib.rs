@@ -9,3 +9,4 @@ pub mod error;
 pub mod onnx;
 pub mod problem;
 pub mod suite;
+pub mod tolerance;

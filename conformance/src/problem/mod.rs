@@ -157,7 +157,15 @@ impl Problem {
     /// # Errors
     /// As [`Problem::reference`] and [`Problem::runtime`].
     pub fn judge(&self, optimization: Optimization) -> Result<Comparison> {
-        Ok(compare(&Expected::from(&self.reference()?), &self.runtime(optimization)?))
+        Ok(compare(&self.expected()?, &self.runtime(optimization)?))
+    }
+
+    /// The reference's answer as an expectation for f32.
+    ///
+    /// # Errors
+    /// As [`Problem::reference`].
+    pub fn expected(&self) -> Result<Expected> {
+        Ok(expected(self.operator, &self.reference()?))
     }
 }
 
@@ -186,18 +194,20 @@ impl fmt::Debug for Problem {
     }
 }
 
-impl From<&Tensor<Rounded>> for Expected {
-    /// Value, bound γ_n·m and unit u·m of every element, in f32.
-    fn from(tensor: &Tensor<Rounded>) -> Self {
-        let unit = |r: &Rounded| if r.terms == 0.0 { 0.0 } else { UNIT_ROUNDOFF_F32 * r.magnitude };
-        Self {
-            shape: tensor.shape.clone(),
-            values: tensor.data.iter().map(|r| r.value).collect(),
-            bounds: tensor.data.iter().map(|r| r.bound(UNIT_ROUNDOFF_F32)).collect(),
-            units: tensor.data.iter().map(unit).collect(),
-        }
+/// What an operator's answer with its rounding analysis lets one expect of f32: value, bound γ_n·m and unit u·m.
+pub fn expected(operator: &str, answer: &Tensor<Rounded>) -> Expected {
+    let unit = |r: &Rounded| if r.terms == 0.0 { 0.0 } else { UNIT_ROUNDOFF_F32 * r.magnitude };
+    Expected {
+        shape: answer.shape.clone(),
+        values: answer.data.iter().map(|r| r.value).collect(),
+        bounds: answer.data.iter().map(|r| r.bound(UNIT_ROUNDOFF_F32)).collect(),
+        units: answer.data.iter().map(unit).collect(),
+        shared: SHARING.contains(&operator),
     }
 }
+
+/// Operators that compute one number, such as a deviation, and apply it to many elements, which share its rounding.
+const SHARING: [&str; 3] = ["BatchNormalization", "GroupNormalization", "InstanceNormalization"];
 
 /// f32 numbers as exact inputs of a rounding analysis.
 pub(crate) fn exact(shape: &[usize], values: &[f32]) -> Tensor<Rounded> {

@@ -4,5 +4,10 @@
 //! |---|---|
 //! | [`operators`] | every operator of the networks on random problems |
 //! | [`faults`] | the judge itself: planted faults must be seen |
+//! | [`networks`] | the exported graphs, node by node and stage by stage |
+//! | [`surface`] | marching cubes, voxels and the inside test |
 
+pub mod faults;
+pub mod networks;
 pub mod operators;
+pub mod surface;

@@ -6,8 +6,8 @@ use std::fmt;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
 
-use crate::compare::{Comparison, Expected, compare};
-use crate::engine::Optimization;
+use crate::compare::{Comparison, compare};
+use crate::engine::OPTIMIZATIONS;
 use crate::problem::Problem;
 use crate::problem::{
     convolution, elementwise, grid_sample, matrix_product, movement, normalization, pooling,
@@ -114,8 +114,8 @@ pub fn judge(
     let tally = RefCell::new(Tally::default());
     let outcome = draw.runner(name).run(strategy, |problem| {
         let fail = |error: crate::error::Error| TestCaseError::fail(error.to_string());
-        let expected = Expected::from(&problem.reference().map_err(fail)?);
-        for optimization in Optimization::BOTH {
+        let expected = problem.expected().map_err(fail)?;
+        for optimization in OPTIMIZATIONS {
             let found = problem.runtime(optimization).map_err(fail)?;
             let comparison = compare(&expected, &found);
             if !comparison.agrees() {
