@@ -38,10 +38,17 @@ impl Inside {
             }
         }
         let cell = [0, 1].map(|a| ((high[a] - low[a]) / SIDE as f64).max(f64::MIN_POSITIVE));
-        let mut inside =
-            Inside { vertices, faces: mesh.faces.clone(), origin: low, cell, starts: vec![0; SIDE * SIDE + 1], members: Vec::new() };
+        let mut inside = Inside {
+            vertices,
+            faces: mesh.faces.clone(),
+            origin: low,
+            cell,
+            starts: vec![0; SIDE * SIDE + 1],
+            members: Vec::new(),
+        };
         let covered: Vec<[usize; 4]> = inside.faces.iter().map(|face| inside.cells_of(face)).collect();
-        let each = |[x0, x1, y0, y1]: [usize; 4]| (y0..=y1).flat_map(move |y| (x0..=x1).map(move |x| x + SIDE * y));
+        let each =
+            |[x0, x1, y0, y1]: [usize; 4]| (y0..=y1).flat_map(move |y| (x0..=x1).map(move |x| x + SIDE * y));
         for &range in &covered {
             each(range).for_each(|c| inside.starts[c + 1] += 1);
         }
@@ -135,8 +142,10 @@ mod tests {
     /// An octahedron with vertices at distance 1: inside is |x| + |y| + |z| < 1.
     fn octahedron(centre: [f32; 3]) -> Mesh {
         let corners = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
-        let vertices = corners.map(|c: [i8; 3]| std::array::from_fn(|k| f32::from(c[k]) + centre[k])).to_vec();
-        let faces = vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+        let vertices =
+            corners.map(|c: [i8; 3]| std::array::from_fn(|k| f32::from(c[k]) + centre[k])).to_vec();
+        let faces =
+            vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
         Mesh { vertices, faces }
     }
 
@@ -180,6 +189,65 @@ mod tests {
         let all = inside.contains_all(&points);
         for (p, &found) in points.iter().zip(&all) {
             assert_eq!(found, inside.contains(p.map(f64::from)));
+        }
+    }
+
+    /// Σ_f Ω_f / 4π with the solid angle of van Oosterom and Strackee (1983): an independent winding number.
+    fn solid_angle_winding(mesh: &Mesh, p: [f64; 3]) -> f64 {
+        let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let angle = |face: &[u32; 3]| {
+            let corner = |i: u32| -> [f64; 3] {
+                std::array::from_fn(|k| f64::from(mesh.vertices[i as usize][k]) - p[k])
+            };
+            let [a, b, c] = face.map(corner);
+            let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+            let (la, lb, lc) = (dot(&a, &a).sqrt(), dot(&b, &b).sqrt(), dot(&c, &c).sqrt());
+            let below = la * lb * lc + dot(&a, &b) * lc + dot(&b, &c) * la + dot(&c, &a) * lb;
+            2.0 * dot(&a, &cross).atan2(below)
+        };
+        mesh.faces.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+    }
+
+    /// A torus whose tube is hollow where a ball with inward faces sits in it.
+    fn hollow_torus() -> Mesh {
+        let (n, m) = (16u32, 10u32);
+        let mut mesh = Mesh::default();
+        for i in 0..n {
+            for j in 0..m {
+                let (s, c) = (std::f32::consts::TAU * i as f32 / n as f32).sin_cos();
+                let (t, d) = (std::f32::consts::TAU * j as f32 / m as f32).sin_cos();
+                mesh.vertices.push([(1.0 + 0.4 * d) * c, (1.0 + 0.4 * d) * s, 0.4 * t]);
+                let at = |i: u32, j: u32| (i % n) * m + j % m;
+                mesh.faces.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+                mesh.faces.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+            }
+        }
+        let ball = crate::mesh::tests::sphere(0.2, [1.0, 0.0, 0.0], 5);
+        let reversed = Mesh { faces: ball.faces.iter().map(|f| [f[0], f[2], f[1]]).collect(), ..ball };
+        merged(&mesh, &reversed)
+    }
+
+    #[test]
+    fn a_hollow_torus_agrees_with_solid_angles_on_a_hundred_thousand_points() {
+        let mesh = hollow_torus();
+        // Roberts' low-discrepancy sequence: powers of the root of g⁴ = g + 1.
+        let g = 1.220_744_084_605_759_5_f64;
+        let point = |i: u32| [1, 2, 3].map(|k| (3.0 * (0.5 + f64::from(i) / g.powi(k)).fract() - 1.5) as f32);
+        let points: Vec<[f32; 3]> = (0..100_000).map(point).collect();
+        let found = Inside::new(&mesh).contains_all(&points);
+        let truth: Vec<bool> =
+            points.par_iter().map(|p| solid_angle_winding(&mesh, p.map(f64::from)) > 0.5).collect();
+        let wrong = found.iter().zip(&truth).filter(|(a, b)| a != b).count();
+        assert_eq!(wrong, 0);
+        assert!(truth.iter().filter(|&&inside| inside).count() > 5_000);
+    }
+
+    #[test]
+    fn no_mesh_and_no_number_contain_nothing() {
+        assert!(!Inside::new(&Mesh::default()).contains([0.0; 3]));
+        let inside = Inside::new(&octahedron([0.0; 3]));
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300] {
+            assert!(!inside.contains([bad, 0.0, 0.0]) && !inside.contains([0.0, bad, 0.0]));
         }
     }
 }

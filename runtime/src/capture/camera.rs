@@ -100,7 +100,7 @@ impl Camera {
 
     /// A point in camera coordinates in pixels; `None` unless Z_c > 0.
     pub fn project_from_camera(&self, point: [f64; 3]) -> Option<[f64; 2]> {
-        if !(point[2] > 0.0) {
+        if point[2].is_nan() || point[2] <= 0.0 {
             return None;
         }
         let (x, y) = (point[0] / point[2], point[1] / point[2]);

@@ -81,7 +81,7 @@ pub(crate) fn solve(a: &Matrix3, b: Vector3) -> Option<Vector3> {
     let scale_of = a.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
     let d = determinant(a);
     // det is a product of three entries; 1e-12 of that size leaves four digits of an f64 answer.
-    if !(d.abs() > 1e-12 * scale_of.powi(3)) {
+    if d.is_nan() || d.abs() <= 1e-12 * scale_of.powi(3) {
         return None;
     }
     Some(std::array::from_fn(|j| {
