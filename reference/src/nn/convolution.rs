@@ -200,6 +200,13 @@ mod tests {
     }
 
     #[test]
+    fn a_tap_that_meets_no_pixel_of_any_output_adds_nothing() {
+        let (x, w) = (Tensor::new(&[1, 1, 1], vec![5.0]), Tensor::new(&[1, 1, 3], vec![100.0, 10.0, 1.0]));
+        let params = Conv { padding: vec![[6, 0]], ..Conv::new(1).dilation(3) };
+        assert_eq!(conv(&x, &w, None, &params).data, [5.0]);
+    }
+
+    #[test]
     fn magnitude_is_the_convolution_of_absolute_values_and_terms_count_the_taps() {
         let (x, w, b) = (pattern(&[1, 2, 4, 4], 1), pattern(&[3, 2, 3, 3], 2), pattern(&[3], 3));
         let params = Conv::new(2).padding(1);

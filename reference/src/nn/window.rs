@@ -38,7 +38,7 @@ impl Axis {
     /// The outputs of `0..outputs` whose tap k meets an input pixel: 0 ≤ o·stride + k·dilation − padding < n.
     pub fn in_bounds(&self, k: usize, outputs: usize) -> Range<usize> {
         let shift = k * self.dilation;
-        let first = self.padding[0].saturating_sub(shift).div_ceil(self.stride);
+        let first = self.padding[0].saturating_sub(shift).div_ceil(self.stride).min(outputs);
         let end = (self.input + self.padding[0]).saturating_sub(shift).div_ceil(self.stride).min(outputs);
         first..end.max(first)
     }
