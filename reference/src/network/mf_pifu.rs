@@ -156,7 +156,7 @@ impl Encoder {
         Encoder { stem: (conv, norm), hourglasses }
     }
 
-    /// Images [N,3,S,S] → stages `stem`, `hourglass_k.a` … `.c`, and `features_k` [N,out,S/2ᵏ,S/2ᵏ] for k = 1 … 4.
+    /// Images \[N,3,S,S\] → stages `stem`, `hourglass_k.a` … `.c`, and `features_k` [N,out,S/2ᵏ,S/2ᵏ] for k = 1 … 4.
     ///
     /// # Panics
     /// If the images have not 3 channels, or a side that is no multiple of 64.
@@ -209,10 +209,10 @@ impl Query {
         Query { feature, layers }
     }
 
-    /// P points in N views → stages `point_feature` [N,D,P], `layer_1` … `layer_3` [N,·,P], `joined` [1,·,P], `logits` [P] and
-    /// `occupancy` [P].
+    /// P points in N views → stages `point_feature` \[N,D,P\], `layer_1` … `layer_3` [N,·,P], `joined` [1,·,P], `logits` \[P\] and
+    /// `occupancy` \[P\].
     ///
-    /// `uv` [N,P,2] are the points' image coordinates, −1 and 1 at the outer edges of the crop, u to the right; `depth` [N,P]
+    /// `uv` \[N,P,2\] are the points' image coordinates, −1 and 1 at the outer edges of the crop, u to the right; `depth` \[N,P\]
     /// is relative to the body's centre in units of half the crop's width there. Outside the crop features are 0.
     ///
     /// # Panics

@@ -13,7 +13,7 @@
 //! The layout is IF-Net's, the channels the thesis' (erratum E22); occupancy is 1 inside (erratum E17).
 //!
 //! # Conventions
-//! Voxels are indexed [z][y][x] and points given as (x, y, z), because the first coordinate of a grid runs along the last
+//! Voxels are indexed [z]\[y\]\[x\] and points given as (x, y, z), because the first coordinate of a grid runs along the last
 //! axis. −1 and 1 are the outer faces of the cube, so cell centre i of D lies at (2i + 1)/D − 1 on every level of
 //! the pyramid (the thesis does not say, erratum E38). Outside the cube the border's features continue.
 //!
@@ -110,7 +110,7 @@ impl Encoder {
         Encoder { stages }
     }
 
-    /// Voxels [1,1,D,D,D] → stages `features_k` [1,C_k,D/2ᵏ⁻¹,…] for k = 1 … 5.
+    /// Voxels \[1,1,D,D,D\] → stages `features_k` [1,C_k,D/2ᵏ⁻¹,…] for k = 1 … 5.
     ///
     /// # Panics
     /// If the voxels have not one channel, or a side that is no multiple of 16.
@@ -158,8 +158,8 @@ impl Query {
         Query { feature, layers }
     }
 
-    /// Points [P,3], (x, y, z) in −1…1 → stages `point_feature` [1,D,P], `layer_1` … `layer_3` [1,·,P], `logits` [P] and
-    /// `occupancy` [P].
+    /// Points \[P,3\], (x, y, z) in −1…1 → stages `point_feature` \[1,D,P\], `layer_1` … `layer_3` [1,·,P], `logits` \[P\] and
+    /// `occupancy` \[P\].
     ///
     /// # Panics
     /// If there are not five features of one volume, or the shapes do not fit each other and the weights.

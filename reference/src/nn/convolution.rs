@@ -1,6 +1,6 @@
 //! Convolution (cross-correlation, as every network means it) in one, two and three dimensions.
 //!
-//! y[n, o, j] = b[o] + Σ_c Σ_k w[o, c, k]·x[n, c, j·stride + k·dilation − padding],  zero outside the image,
+//! y[n, o, j] = b\[o\] + Σ_c Σ_k w[o, c, k]·x[n, c, j·stride + k·dilation − padding],  zero outside the image,
 //!
 //! where j and k have one component per spatial axis and c runs over the channels of o's group. A 1-D or 2-D convolution
 //! is the 3-D one with flat leading axes, so one set of loops serves all.
@@ -60,7 +60,7 @@ impl Conv {
     }
 }
 
-/// x [N,C,…] * w [O,C/groups,…] + bias [O] → [N,O,…] with 1 to 3 spatial axes.
+/// x [N,C,…] * w [O,C/groups,…] + bias \[O\] → [N,O,…] with 1 to 3 spatial axes.
 ///
 /// # Panics
 /// If the shapes do not fit each other, or the padded image is smaller than the kernel.

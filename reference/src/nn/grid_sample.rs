@@ -48,7 +48,7 @@ pub struct GridSample {
     pub align_corners: bool,
 }
 
-/// x [N,C,H,W] at grid [N,h,w,2] → [N,C,h,w], or x [N,C,D,H,W] at grid [N,d,h,w,3] → [N,C,d,h,w].
+/// x \[N,C,H,W\] at grid \[N,h,w,2\] → \[N,C,h,w\], or x \[N,C,D,H,W\] at grid \[N,d,h,w,3\] → \[N,C,d,h,w\].
 ///
 /// # Panics
 /// If the grid's rank, number of samples or last axis does not fit x.

@@ -16,7 +16,7 @@ fn add_product<T: Scalar>(c: &mut [T], a: &[T], b: &[T], inner: usize, columns: 
     }
 }
 
-/// α·A′B′ + β·C with A′ = A or Aᵀ and B′ = B or Bᵀ; A′ [M,K], B′ [K,N], C broadcast to [M,N].
+/// α·A′B′ + β·C with A′ = A or Aᵀ and B′ = B or Bᵀ; A′ \[M,K\], B′ \[K,N\], C broadcast to \[M,N\].
 ///
 /// # Panics
 /// If A or B is no matrix, or the shapes do not fit.
@@ -92,7 +92,7 @@ pub fn matmul<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
     y
 }
 
-/// A fully connected layer as PyTorch stores it: x [..,K], w [N,K], bias [N] → x wᵀ + bias [..,N].
+/// A fully connected layer as PyTorch stores it: x [..,K], w \[N,K\], bias \[N\] → x wᵀ + bias [..,N].
 ///
 /// # Panics
 /// If the shapes do not fit.

@@ -43,7 +43,7 @@ fn assert_per_channel<T: Copy>(operator: &str, x: &Tensor<T>, parameters: &[(&st
     }
 }
 
-/// Batch normalisation at inference: x [N,C,…] with a stored mean [C] and variance [C], scale [C] and bias [C].
+/// Batch normalisation at inference: x [N,C,…] with a stored mean \[C\] and variance \[C\], scale \[C\] and bias \[C\].
 ///
 /// # Panics
 /// If a parameter has not one number per channel.
@@ -75,7 +75,7 @@ pub fn batch_norm<T: Scalar>(
 
 /// Group normalisation: each sample's channels in `groups` equal runs, each run normalised over its channels and pixels.
 ///
-/// x [N,C,…], scale [C] and bias [C].
+/// x [N,C,…], scale \[C\] and bias \[C\].
 ///
 /// # Panics
 /// If the groups do not divide the channels, or a parameter has not one number per channel.

@@ -40,7 +40,7 @@ impl ConvTranspose {
     }
 }
 
-/// x [N,C,…], w [C,O/groups,…], bias [O] → [N,O,…] with 1 to 3 spatial axes.
+/// x [N,C,…], w [C,O/groups,…], bias \[O\] → [N,O,…] with 1 to 3 spatial axes.
 ///
 /// # Panics
 /// If the shapes do not fit each other, or the padding cuts the whole output away.
