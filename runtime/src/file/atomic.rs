@@ -32,13 +32,13 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |out| out.write_all(bytes))
 }
 
-/// As [`write`], with the content produced by `fill` through a buffer.
+/// As [`write()`], with the content produced by `fill` through a buffer.
 ///
 /// The rename replaces an existing file in one step, so readers see the old or the new content. A power cut may
 /// still lose the new content: it is not forced to disk.
 ///
 /// # Errors
-/// As [`write`], or whatever `fill` returns.
+/// As [`write()`], or whatever `fill` returns.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     let name = path.file_name().ok_or_else(|| Error::file(path, "is no file name to write to"))?;
     let number = COUNTER.fetch_add(1, Ordering::Relaxed);
