@@ -72,11 +72,11 @@ impl Rectangle {
 /// One view as a network sees it.
 #[derive(Clone, Debug)]
 pub struct NetworkView {
-    /// Normalised colours [3,S,S], red first.
+    /// Normalised colours \[3,S,S\], red first.
     pub pixels: Vec<f32>,
     /// S.
     pub size: usize,
-    /// The camera of the crop: S×S pixels, K' = [[k,0,−k·x0],[0,k,−k·y0],[0,0,1]] K with k = S/side.
+    /// The camera of the crop: S×S pixels, K' = [[k,0,−k·x0],[0,k,−k·y0],\[0,0,1\]] K with k = S/side.
     pub camera: Camera,
     /// The mask's rectangle in the photograph.
     pub body: Rectangle,
