@@ -76,7 +76,7 @@ pub struct NetworkView {
     pub pixels: Vec<f32>,
     /// S.
     pub size: usize,
-    /// The camera of the crop: S×S pixels, K' = [[k,0,−k·x0],[0,k,−k·y0],\[0,0,1\]] K with k = S/side.
+    /// The camera of the crop: S×S pixels, K' = A K with A = `[[k,0,−k·x0],[0,k,−k·y0],[0,0,1]]` and k = S/side.
     pub camera: Camera,
     /// The mask's rectangle in the photograph.
     pub body: Rectangle,

@@ -54,18 +54,18 @@ pub(crate) fn read(path: &Path, expected: Option<(u32, u32)>) -> Result<DynamicI
     reader()?.decode().map_err(damaged)
 }
 
-/// As [`read`], as RGB; transparency is dropped.
+/// Reads a PNG or JPEG as RGB; transparency is dropped.
 ///
 /// # Errors
-/// As [`read`].
+/// The file cannot be read, is neither PNG nor JPEG (whatever its name says), is damaged, or has another size than `expected`.
 pub fn read_rgb(path: &Path, expected: Option<(u32, u32)>) -> Result<RgbImage> {
     Ok(read(path, expected)?.into_rgb8())
 }
 
-/// As [`read`], as a mask: 255 where the luma is at least 128, else 0.
+/// Reads a PNG or JPEG as a mask: 255 where the luma is at least 128, else 0.
 ///
 /// # Errors
-/// As [`read`].
+/// The file cannot be read, is neither PNG nor JPEG (whatever its name says), is damaged, or has another size than `expected`.
 pub fn read_mask(path: &Path, expected: Option<(u32, u32)>) -> Result<GrayImage> {
     let mut mask = read(path, expected)?.into_luma8();
     for value in mask.iter_mut() {
