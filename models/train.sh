@@ -25,7 +25,7 @@ scenes "$data/mf_pifu" 1000 2000
   --validation "$data/mf_pifu/validation" -o "$runs/mf_pifu.pt" --minutes 38
 "$python" models/export.py --size small --filling trained --only mf_pifu --checkpoints "$runs" -o "$runs/coarse"
 
-scenes "$data/vsr" 250 500 --coarse "$runs/coarse"
+scenes "$data/vsr" 150 300 --coarse "$runs/coarse"
 "$python" models/train_vsr.py --data "$data/vsr/body" "$data/vsr/mannequin" \
-  --validation "$data/vsr/validation" -o "$runs/vsr.pt" --minutes 30
+  --validation "$data/vsr/validation" -o "$runs/vsr.pt" --minutes 38
 "$python" models/export.py --size small --filling trained --checkpoints "$runs" -o models/exported

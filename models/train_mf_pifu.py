@@ -29,7 +29,7 @@ def loss_of(model: mf_pifu.MfPifu, samples: list[tuple], full_precision: bool) -
 
 @torch.no_grad()
 def validate(model: mf_pifu.MfPifu, scenes: Scenes) -> dict[str, float]:
-    """IoU over all points of each validation scene, and over the uniform quarter, averaged over the scenes."""
+    """Loss and share of wrong points over the validation scenes."""
     if not len(scenes):
         return {}
     loss, wrong = 0.0, 0.0
@@ -48,22 +48,15 @@ def main() -> None:
     model = mf_pifu.MfPifu(mf_pifu.SIZES[options.size])
     run = Run(model, torch.optim.RMSprop(model.parameters(), lr=options.rate), options)
     scenes, validation = Scenes(options.data), Scenes(options.validation)
-    loss_sum, wrong_sum, count = 0.0, 0.0, 0
-    run.pause()
-    while run.progress < 1.0:
+
+    def draw_loss() -> tuple[torch.Tensor, float]:
         samples = [
             mf_pifu_sample(rng, scenes[rng.integers(len(scenes))], options.points, mirror=rng.random() < 0.5)
             for _ in range(options.batch)
         ]
-        loss, wrong = loss_of(model, samples, options.full_precision)
-        run.step(loss)
-        loss_sum, wrong_sum, count = loss_sum + loss.item(), wrong_sum + wrong, count + 1
-        if run.steps % 250 == 0 or run.progress >= 1.0:
-            figures = {"loss": loss_sum / count, "wrong": wrong_sum / count, "scenes": len(scenes)}
-            run.record(**figures, **validate(model, validation))
-            loss_sum, wrong_sum, count = 0.0, 0.0, 0
-            scenes.refresh()
-            run.pause()
+        return loss_of(model, samples, options.full_precision)
+
+    run.train(scenes, draw_loss, lambda: validate(model, validation), every=250)
 
 
 if __name__ == "__main__":

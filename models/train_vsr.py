@@ -39,25 +39,17 @@ def validate(model: vsr.Vsr, scenes: Scenes) -> dict[str, float]:
 
 
 def main() -> None:
-    options = parse(__doc__.splitlines()[0], minutes=25, rate=2e-3, points=6000)
+    options = parse(__doc__.splitlines()[0], minutes=38, rate=2e-3, points=16_000)
     rng = np.random.default_rng([options.seed, 2])
     model = vsr.Vsr(vsr.SIZES[options.size])
     run = Run(model, torch.optim.Adam(model.parameters(), lr=options.rate), options)
     scenes, validation = Scenes(options.data), Scenes(options.validation)
-    loss_sum, wrong_sum, count = 0.0, 0.0, 0
-    run.pause()
-    while run.progress < 1.0:
+
+    def draw_loss() -> tuple[torch.Tensor, float]:
         batch = [vsr_sample(rng, scenes[rng.integers(len(scenes))], options.points) for _ in range(options.batch)]
-        sample = tuple(torch.cat(parts) for parts in zip(*batch))
-        loss, wrong = loss_of(model, sample, options.full_precision)
-        run.step(loss)
-        loss_sum, wrong_sum, count = loss_sum + loss.item(), wrong_sum + wrong, count + 1
-        if run.steps % 100 == 0 or run.progress >= 1.0:
-            figures = {"loss": loss_sum / count, "wrong": wrong_sum / count, "scenes": len(scenes)}
-            run.record(**figures, **validate(model, validation))
-            loss_sum, wrong_sum, count = 0.0, 0.0, 0
-            scenes.refresh()
-            run.pause()
+        return loss_of(model, tuple(torch.cat(parts) for parts in zip(*batch)), options.full_precision)
+
+    run.train(scenes, draw_loss, lambda: validate(model, validation), every=100)
 
 
 if __name__ == "__main__":

@@ -3,21 +3,23 @@
 The learning rate falls from its peak to zero along a half cosine over the *time* budget, after a short warm-up, so a
 run fits the minutes that it is given on any machine. A run stopped at any moment goes on from its checkpoint.
 """
+import argparse
 import json
 import math
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
 from torch import nn
 
+from scenes import Scenes
 
-def parse(description: str, minutes: float, rate: float, points: int) -> "argparse.Namespace":
+
+def parse(description: str, minutes: float, rate: float, points: int) -> argparse.Namespace:
     """The options that both scripts take."""
-    import argparse
-
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--data", type=Path, nargs="+", required=True, help="folders that `vitruvian dataset` wrote")
     parser.add_argument("--validation", type=Path, nargs="*", default=[], help="folders to watch, never trained on")
@@ -39,7 +41,7 @@ def parse(description: str, minutes: float, rate: float, points: int) -> "argpar
 class Run:
     """A resumable training run of `model` against a time budget."""
 
-    def __init__(self, model: nn.Module, optimiser: torch.optim.Optimizer, options) -> None:
+    def __init__(self, model: nn.Module, optimiser: torch.optim.Optimizer, options: argparse.Namespace) -> None:
         self.model, self.optimiser, self.options = model, optimiser, options
         self.steps, self.elapsed, self.history = 0, 0.0, []
         if options.out.exists():
@@ -93,3 +95,26 @@ class Run:
         )
         os.replace(beside, self.options.out)
         self.pause()
+
+    def train(
+        self,
+        scenes: Scenes,
+        draw_loss: Callable[[], tuple[torch.Tensor, float]],
+        validate: Callable[[], dict[str, float]],
+        every: int,
+    ) -> None:
+        """Steps down `draw_loss` (loss, share of wrong points) until the budget is spent.
+
+        Every `every` steps a line of the learning curve is recorded and scenes written meanwhile are taken in.
+        """
+        loss_sum, wrong_sum, count = 0.0, 0.0, 0
+        self.pause()
+        while self.progress < 1.0:
+            loss, wrong = draw_loss()
+            self.step(loss)
+            loss_sum, wrong_sum, count = loss_sum + loss.item(), wrong_sum + wrong, count + 1
+            if self.steps % every == 0 or self.progress >= 1.0:
+                self.record(loss=loss_sum / count, wrong=wrong_sum / count, scenes=len(scenes), **validate())
+                loss_sum, wrong_sum, count = 0.0, 0.0, 0
+                scenes.refresh()
+                self.pause()
