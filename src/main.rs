@@ -4,6 +4,7 @@
 
 mod body;
 mod dataset;
+mod demo;
 mod evaluate;
 mod failure;
 mod mesh;
@@ -33,6 +34,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Demo(demo::Arguments),
     Reconstruct(reconstruct::Arguments),
     Mesh(mesh::Arguments),
     Voxelize(voxelize::Arguments),
@@ -43,6 +45,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Voxelize(arguments) => voxelize::run(&arguments),

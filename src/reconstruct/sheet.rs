@@ -56,9 +56,17 @@ fn pictures(mesh: &Mesh, colours: &[[f32; 3]], views: &[NetworkView]) -> Vec<Opt
     let normals = mesh.vertex_normals();
     let picture = |view: &NetworkView| {
         let camera = scaled(&view.camera);
-        Some(render(mesh, &normals, colours, &camera, &Light::default()).image)
+        let light = Light { towards_lamp: above_left_of(&camera), ..Light::default() };
+        Some(render(mesh, &normals, colours, &camera, &light).image)
     };
     views.iter().map(picture).collect()
+}
+
+/// Where the lamp stands for a camera, so that every side of the body is lit alike.
+fn above_left_of(camera: &Camera) -> [f32; 3] {
+    let Some(extrinsics) = camera.extrinsics else { return Light::default().towards_lamp };
+    let [right, down, forward] = extrinsics.r;
+    std::array::from_fn(|axis| (-0.4 * right[axis] - 0.7 * down[axis] - 0.59 * forward[axis]) as f32)
 }
 
 /// The crop's camera at the size of a tile.

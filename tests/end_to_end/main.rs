@@ -1,1 +1,10 @@
-//! The command as a user runs it.
+//! The built command as a user runs it: arguments and files in, files, words and an exit status out.
+//!
+//! Needs the graphs of models/exported and ONNX Runtime (`make onnxruntime`).
+
+mod bad_input;
+mod command;
+mod demo;
+mod evaluate;
+mod mesh;
+mod reconstruct;
