@@ -66,7 +66,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     synthesize::write(&folder.file(CAPTURE), &scene)?;
     let mut seconds = vec![("synthesise", clock.elapsed().as_secs_f64())];
 
-    let done = BodyCapture::reconstruct(&folder.file(CAPTURE), &mut networks.reconstructor, &options, &mut bars)?;
+    let done =
+        BodyCapture::reconstruct(&folder.file(CAPTURE), &mut networks.reconstructor, &options, &mut bars)?;
     seconds.push(("read and crop", done.seconds_to_read));
     seconds.extend(done.found.seconds.iter().map(|(stage, seconds)| (stage_name(*stage), *seconds)));
     seconds.push(("measure", done.seconds_to_measure));

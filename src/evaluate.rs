@@ -118,17 +118,17 @@ impl Kind {
 }
 
 fn judge(arguments: &Arguments, findings: &Findings) -> Result<()> {
-    let unmeasured = |option: &str, what: &str| Failure::Usage(format!("{option}: no {what} was measured here"));
+    let unmeasured =
+        |option: &str, what: &str| Failure::Usage(format!("{option}: no {what} was measured here"));
     if let Some(bound) = arguments.min_iou {
         let iou = findings.iou.ok_or_else(|| unmeasured("--min-iou", "IoU"))?;
-        // Written so that NaN fails.
-        if !(iou >= bound) {
+        if iou < bound || iou.is_nan() {
             return Err(Failure::Negative(format!("IoU {iou:.4} is below the bound {bound}")));
         }
     }
     if let Some(bound) = arguments.max_p2s_cm {
         let p2s = findings.p2s_cm.ok_or_else(|| unmeasured("--max-p2s-cm", "P2S"))?;
-        if !(p2s <= bound) {
+        if p2s > bound || p2s.is_nan() {
             return Err(Failure::Negative(format!("P2S {p2s:.4} cm is above the bound {bound} cm")));
         }
     }

@@ -42,7 +42,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let volume = Array3::from_shape_vec(shape, array.values)
         .map_err(|e| Error::file(path, format!("cannot be read as a volume: {e}")))?;
     if volume.is_empty() {
-        return Err(Error::file(path, format!("has the shape {:?}, which holds no values", array.shape)).into());
+        return Err(
+            Error::file(path, format!("has the shape {:?}, which holds no values", array.shape)).into()
+        );
     }
     let mut mesh = marching_cubes(volume.view(), arguments.level).map_err(about(path))?;
     check_level_is_reached(volume.view(), arguments.level).map_err(about(path))?;
@@ -54,7 +56,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Failure::Usage(format!("--origin and --spacing take vertices out of the range of f32: {message}"))
     })?;
     file::mesh::write(&arguments.out, format, &mesh, None)?;
-    eprintln!("{}: {} vertices, {} triangles", arguments.out.display(), mesh.vertices.len(), mesh.faces.len());
+    eprintln!(
+        "{}: {} vertices, {} triangles",
+        arguments.out.display(),
+        mesh.vertices.len(),
+        mesh.faces.len()
+    );
     Ok(())
 }
 

@@ -21,7 +21,10 @@ impl OutputFolder {
     pub fn check(target: &Path) -> Result<()> {
         let is_taken = target.symlink_metadata().is_ok() && !target.is_dir();
         if is_taken || target.file_name().is_none() && !target.is_dir() {
-            return Err(Failure::Usage(format!("{}: expected a folder to write to, or a new name", target.display())));
+            return Err(Failure::Usage(format!(
+                "{}: expected a folder to write to, or a new name",
+                target.display()
+            )));
         }
         Ok(())
     }

@@ -84,7 +84,9 @@ pub fn options(resolution: usize, dense: bool) -> Result<Options> {
         if dense { (Mode::Dense, MAX_DENSE_RESOLUTION) } else { (Mode::CoarseToFine, MAX_RESOLUTION) };
     if !(2..=largest).contains(&resolution) {
         let with = if dense { " with --dense" } else { "" };
-        return Err(Failure::Usage(format!("--resolution {resolution} is out of range: choose 2 to {largest}{with}")));
+        return Err(Failure::Usage(format!(
+            "--resolution {resolution} is out of range: choose 2 to {largest}{with}"
+        )));
     }
     Ok(Options { resolution, mode })
 }
@@ -126,7 +128,11 @@ fn one(
     for ((name, surface), measures) in done.surfaces().zip(&done.measures) {
         words += &format!(" {name} {} triangles", surface.mesh.faces.len());
         if let Some(m) = measures {
-            words += &format!(", P2S {:.2} cm, IoU {};", m.p2s_cm, m.iou.map_or("none".into(), |x| format!("{x:.3}")));
+            words += &format!(
+                ", P2S {:.2} cm, IoU {};",
+                m.p2s_cm,
+                m.iou.map_or("none".into(), |x| format!("{x:.3}"))
+            );
         } else {
             words.push(';');
         }
@@ -146,7 +152,12 @@ pub fn write(
 ) -> Result<()> {
     let format = format.format();
     for (name, surface) in done.surfaces() {
-        file::mesh::write(&folder.file(&format!("{name}.{}", format.extension())), format, &surface.mesh, None)?;
+        file::mesh::write(
+            &folder.file(&format!("{name}.{}", format.extension())),
+            format,
+            &surface.mesh,
+            None,
+        )?;
     }
     picture::write_rgb(&folder.file("preview.png"), &sheet::sheet(done))?;
     let report = report::report(capture, done, options, graphs);

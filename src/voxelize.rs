@@ -43,7 +43,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let inside = values.iter().filter(|&&value| value == 1).count();
     let ([x, y, z], side) = (cube.origin, cube.side);
-    eprintln!("origin {x} {y} {z}, side {side}, voxel {}: {inside} of {} inside", side / d as f64, values.len());
+    eprintln!(
+        "origin {x} {y} {z}, side {side}, voxel {}: {inside} of {} inside",
+        side / d as f64,
+        values.len()
+    );
     if voxels.open_columns > 0 {
         eprintln!(
             "warning: {}: the mesh is not closed: {} of {} columns of voxels leave it once less than they enter it",

@@ -32,9 +32,16 @@ pub fn page(results: &Results) -> String {
         surfaces = html_table(&Results::surface_head(), &results.surface_rows()),
         times = html_table(&["stage", "seconds"], &results.time_rows()),
         sampling = Sampling::default().words(),
-        files = ["coarse.ply", "refined.ply", "capture/mesh.obj", "capture/cameras.json", "preview.png", "report.json"]
-            .map(|file| format!("<a href=\"{file}\">{file}</a>"))
-            .join(" · "),
+        files = [
+            "coarse.ply",
+            "refined.ply",
+            "capture/mesh.obj",
+            "capture/cameras.json",
+            "preview.png",
+            "report.json"
+        ]
+        .map(|file| format!("<a href=\"{file}\">{file}</a>"))
+        .join(" · "),
     )
 }
 

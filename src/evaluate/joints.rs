@@ -7,7 +7,8 @@ use serde_json::json;
 use vitruvian_reference::body::BodyModel;
 use vitruvian_reference::linalg::vector::Vector3;
 use vitruvian_reference::metric::joints::{
-    PCK_THRESHOLD_M, auc, joint_errors, mean_joint_error, mpjpe, pa_mpjpe, pck, procrustes_aligned, root_relative,
+    PCK_THRESHOLD_M, auc, joint_errors, mean_joint_error, mpjpe, pa_mpjpe, pck, procrustes_aligned,
+    root_relative,
 };
 use vitruvian_runtime::error::Error;
 use vitruvian_runtime::file::npy::Array;
@@ -102,7 +103,8 @@ fn frames(path: &Path, body: Option<&Path>) -> Result<Vec<Vec<Vector3>>> {
     let joints = match array.shape[..] {
         [j, 3] | [_, j, 3] if j > 0 => j,
         _ => {
-            let message = format!("array \"joints\" has the shape {:?}, expected [J, 3] or [F, J, 3]", array.shape);
+            let message =
+                format!("array \"joints\" has the shape {:?}, expected [J, 3] or [F, J, 3]", array.shape);
             return Err(Error::file(path, message).into());
         }
     };
@@ -114,8 +116,10 @@ fn posed(path: &Path, npz: &mut Npz, poses: &Array<f64>, body: &BodyModel) -> Re
     let width = 3 * body.joint_count();
     let fail = |message: String| Error::file(path, message);
     if poses.shape.last() != Some(&width) || poses.shape.len() > 2 {
-        let message =
-            format!("array \"poses\" has the shape {:?}, expected [{width}] or [F, {width}] for this body", poses.shape);
+        let message = format!(
+            "array \"poses\" has the shape {:?}, expected [{width}] or [F, {width}] for this body",
+            poses.shape
+        );
         return Err(fail(message).into());
     }
     let count = poses.values.len() / width;
@@ -123,8 +127,9 @@ fn posed(path: &Path, npz: &mut Npz, poses: &Array<f64>, body: &BodyModel) -> Re
     let mut rows = |name: &str, most: usize| -> Result<Vec<Vec<f64>>> {
         let array = npz.array::<f64>(name)?;
         let columns = array.shape.last().copied().unwrap_or(0);
-        let found = if columns == 0 { 0 } else { array.values.len() / columns };
-        let fits = array.shape.len() <= 2 && columns >= 1 && columns <= most && (found == 1 || found == count);
+        let found = array.values.len().checked_div(columns).unwrap_or(0);
+        let fits =
+            array.shape.len() <= 2 && columns >= 1 && columns <= most && (found == 1 || found == count);
         if !fits || array.values.iter().any(|x| !x.is_finite()) {
             let message = format!(
                 "array \"{name}\" has the shape {:?}; expected finite numbers [{most}] or [{count}, {most}]",
@@ -132,7 +137,9 @@ fn posed(path: &Path, npz: &mut Npz, poses: &Array<f64>, body: &BodyModel) -> Re
             );
             return Err(fail(message).into());
         }
-        Ok((0..count).map(|f| array.values.chunks_exact(columns).nth(f % found).unwrap_or(&[]).to_vec()).collect())
+        Ok((0..count)
+            .map(|f| array.values.chunks_exact(columns).nth(f % found).unwrap_or(&[]).to_vec())
+            .collect())
     };
     let betas = rows("betas", body.beta_count())?;
     let trans = rows("trans", 3)?;

@@ -36,7 +36,11 @@ pub fn evaluate_folders(predicted: &Path, truth: &Path) -> Result<Findings> {
     let mut sum = 0.0;
     for (name, path) in &found {
         let other = expected.get(name).ok_or_else(|| {
-            Failure::Usage(format!("{}: there is no {name} to compare it with in {}", path.display(), truth.display()))
+            Failure::Usage(format!(
+                "{}: there is no {name} to compare it with in {}",
+                path.display(),
+                truth.display()
+            ))
         })?;
         let iou = iou(path, other)?;
         sum += iou;
@@ -68,7 +72,8 @@ fn iou(predicted: &Path, truth: &Path) -> Result<f64> {
     let found = picture::read_mask(predicted, None)?;
     if found.dimensions() != expected.dimensions() {
         let ((w, h), (tw, th)) = (found.dimensions(), expected.dimensions());
-        let message = format!("is {w} × {h} pixels, but {} is {tw} × {th}: resize one of them", truth.display());
+        let message =
+            format!("is {w} × {h} pixels, but {} is {tw} × {th}: resize one of them", truth.display());
         return Err(Error::file(predicted, message).into());
     }
     let bits = |mask: &image::GrayImage| mask.pixels().map(|p| p.0[0] >= 128).collect::<Vec<bool>>();

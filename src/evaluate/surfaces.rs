@@ -55,7 +55,8 @@ pub struct Measures {
 
 impl Measures {
     /// The heads of [`Measures::cells`].
-    pub const HEAD: [&str; 6] = ["P2S cm", "largest piece", "complete cm", "Chamfer 10⁻²m²", "normals", "IoU"];
+    pub const HEAD: [&str; 6] =
+        ["P2S cm", "largest piece", "complete cm", "Chamfer 10⁻²m²", "normals", "IoU"];
 
     /// The numbers as a table prints them.
     pub fn cells(&self) -> Vec<String> {
@@ -129,10 +130,13 @@ pub fn without_area(predicted: &Path, truth: &Path) -> Failure {
 
 /// Compares two mesh files.
 pub fn evaluate(predicted: &Path, truth: &Path, sampling: &Sampling) -> Result<Findings> {
-    let found = measure(&read(predicted)?, &read(truth)?, sampling)
-        .ok_or_else(|| without_area(predicted, truth))?;
-    let mut text: Vec<String> =
-        Measures::HEAD.iter().zip(found.cells()).map(|(head, cell)| format!("{head:<16}{cell:>10}")).collect();
+    let found =
+        measure(&read(predicted)?, &read(truth)?, sampling).ok_or_else(|| without_area(predicted, truth))?;
+    let mut text: Vec<String> = Measures::HEAD
+        .iter()
+        .zip(found.cells())
+        .map(|(head, cell)| format!("{head:<16}{cell:>10}"))
+        .collect();
     text.push(format!("{:<16}{:>10}", "pieces", found.pieces));
     text.push(sampling.words());
     Ok(Findings {
@@ -146,7 +150,10 @@ pub fn evaluate(predicted: &Path, truth: &Path, sampling: &Sampling) -> Result<F
 impl Sampling {
     /// One line for the foot of a table.
     pub fn words(&self) -> String {
-        format!("{} points per surface, {} points for the IoU, seed {}", self.samples, self.iou_points, self.seed)
+        format!(
+            "{} points per surface, {} points for the IoU, seed {}",
+            self.samples, self.iou_points, self.seed
+        )
     }
 
     /// The same for machines.

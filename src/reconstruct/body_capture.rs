@@ -61,7 +61,8 @@ impl BodyCapture {
         let mut measures = [None; 2];
         if let Some(truth) = &truth {
             bars.show("measure", 0, 1);
-            for (measures, surface) in measures.iter_mut().zip([Some(&found.coarse), found.refined.as_ref()]) {
+            for (measures, surface) in measures.iter_mut().zip([Some(&found.coarse), found.refined.as_ref()])
+            {
                 *measures = surface.and_then(|surface| measure(surface, truth));
             }
         }

@@ -24,12 +24,20 @@ pub fn find(given: Option<&Path>) -> Result<PathBuf> {
         }
         return Err(Error::Missing {
             component: "the models folder",
-            message: format!("{} is no folder; give --models the folder of the exported graphs", folder.display()),
+            message: format!(
+                "{} is no folder; give --models the folder of the exported graphs",
+                folder.display()
+            ),
         }
         .into());
     }
     let starts = [std::env::current_dir().ok(), std::env::current_exe().ok()];
-    let found = starts.iter().flatten().flat_map(|start| start.ancestors()).map(|a| a.join(PLACE)).find(|p| p.is_dir());
+    let found = starts
+        .iter()
+        .flatten()
+        .flat_map(|start| start.ancestors())
+        .map(|a| a.join(PLACE))
+        .find(|p| p.is_dir());
     found.ok_or_else(|| {
         Error::Missing {
             component: "the models folder",

@@ -34,7 +34,10 @@ pub fn sheet(done: &BodyCapture) -> RgbImage {
             format!(": P2S {:.2} cm{iou}", m.p2s_cm)
         });
         let clay = vec![CLAY; surface.mesh.vertices.len()];
-        rows.push(Row { caption: format!("{name}{errors}"), pictures: pictures(&surface.mesh, &clay, views) });
+        rows.push(Row {
+            caption: format!("{name}{errors}"),
+            pictures: pictures(&surface.mesh, &clay, views),
+        });
     }
     if let Some(truth) = &done.truth {
         let mesh = convert::mesh_to_runtime(truth);

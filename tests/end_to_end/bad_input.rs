@@ -98,7 +98,10 @@ fn a_folder_that_is_no_capture() {
 
 #[test]
 fn a_truth_that_is_no_mesh() {
-    refused(|capture| fs::write(capture.join("mesh.obj"), "v 0 0\n").expect("a mesh"), &["mesh.obj", "line 1"]);
+    refused(
+        |capture| fs::write(capture.join("mesh.obj"), "v 0 0\n").expect("a mesh"),
+        &["mesh.obj", "line 1"],
+    );
 }
 
 #[test]

@@ -105,11 +105,8 @@ fn joints_and_the_parameters_that_they_are_posed_from_are_the_same_body() {
     let [poses, betas, trans, joints] =
         ["poses", "betas", "trans", "joints"].map(|name| body.array::<f64>(name).expect("an array").values);
     let array = |name, shape, values| Named { name, shape, values: Values::F64(values) };
-    let bare = [
-        array("poses", &[1, 72][..], &poses),
-        array("betas", &[10], &betas),
-        array("trans", &[3], &trans),
-    ];
+    let bare =
+        [array("poses", &[1, 72][..], &poses), array("betas", &[10], &betas), array("trans", &[3], &trans)];
     npz::write(&params, &bare).expect("a writable folder");
     let found = vitruvian(&["evaluate", word(&params), word(&truth), "--json"]).done().json();
     assert!(number(&found["measures"]["error_mm"]) < 1e-9, "{found}");

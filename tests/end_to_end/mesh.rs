@@ -123,7 +123,8 @@ fn voxels_of_a_sphere_fill_its_volume_and_mesh_back_to_it() {
     let (mesh, voxels, back) =
         (folder.path().join("s.obj"), folder.path().join("s.npy"), folder.path().join("back.ply"));
     sphere(&mesh, 0.9, [0.3, -2.0, 1.0], 48);
-    let run = vitruvian(&["voxelize", word(&mesh), "--resolution", "64", "-o", word(&voxels), "--json"]).done();
+    let run =
+        vitruvian(&["voxelize", word(&mesh), "--resolution", "64", "-o", word(&voxels), "--json"]).done();
     let cube = run.json();
     let number = |value: &serde_json::Value| value.as_f64().expect("a number");
     let side = number(&cube["side"]);

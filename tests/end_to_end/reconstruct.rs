@@ -49,6 +49,7 @@ fn the_same_seed_gives_the_same_bytes_of_captures_meshes_and_pictures() {
     let runs = ["first", "second"].map(|name| folder.path().join(name));
     for run in &runs {
         let capture = capture(&run.join("captures"));
+        fs::remove_file(capture.join("mesh.obj")).expect("the truth, which takes time to measure by");
         let out = run.join("out");
         vitruvian(&["reconstruct", word(&capture), "-o", word(&out), "--resolution", "32"]).done();
     }
@@ -68,18 +69,29 @@ fn the_same_seed_gives_the_same_bytes_of_captures_meshes_and_pictures() {
 fn asking_for_every_point_gives_the_same_mesh() {
     let folder = folder();
     let capture = capture(&folder.path().join("captures"));
+    fs::remove_file(capture.join("mesh.obj")).expect("the truth, which is not needed");
     // Above 64 cells only every second point is asked at first.
     let run = |name: &str, more: &[&str]| {
         let out = folder.path().join(name);
-        let words = ["reconstruct", word(&capture), "-o", word(&out), "--resolution", "72"];
+        let words = ["reconstruct", word(&capture), "-o", word(&out), "--resolution", "66"];
         vitruvian(&[&words[..], more].concat()).done();
-        let meshes = ["coarse.ply", "refined.ply"].map(|name| fs::read(out.join(name)).expect("a mesh"));
+        let meshes =
+            ["coarse.ply", "refined.ply"].map(|name| file::mesh::read(&out.join(name)).expect("a mesh"));
         (meshes, read_json(&out.join("report.json")))
     };
     let (sparse, sparse_report) = run("sparse", &[]);
     let (dense, dense_report) = run("dense", &["--dense"]);
-    assert!(sparse == dense, "the meshes differ");
-    for stage in ["coarse", "refined"] {
+    for (at, stage) in ["coarse", "refined"].into_iter().enumerate() {
+        assert!(sparse[at].faces == dense[at].faces, "{stage}: the triangles differ");
+        // A network may round a point's last bit otherwise among other points: 1 µm is a hundred times that.
+        let apart =
+            |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|axis| (a[axis] - b[axis]).abs()).fold(0.0, f32::max);
+        let farthest =
+            sparse[at].vertices.iter().zip(&dense[at].vertices).map(|(a, b)| apart(a, b)).fold(0.0, f32::max);
+        assert!(
+            sparse[at].vertices.len() == dense[at].vertices.len() && farthest < 1e-6,
+            "{stage}: {farthest} m"
+        );
         let asked = |report: &serde_json::Value| report["surfaces"][stage]["field"]["asked"].as_u64();
         assert!(asked(&sparse_report) < asked(&dense_report), "{sparse_report}");
     }
