@@ -91,15 +91,16 @@ pub fn grade(found: f32, value: f64, bound: f64, unit: f64) -> Verdict {
 /// A systematic part of the differences: e ≈ slope·y, by least squares with every element weighted by 1/unit.
 ///
 /// A factor of 1.0005 on the weights of a long sum hides below every bound, since the sum cancels and the bound does not.
-/// It cannot hide here: roundings point both ways and average out, a factor does not.
+/// It cannot hide here: roundings point both ways and average out, a factor does not. Factors above n·u are seen, whatever
+/// the cancellation: 1.0005 is 8389·u.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
     /// The factor's deviation from one: Σ e·y/unit² / Σ (y/unit)².
     pub slope: f64,
     /// The slope in units of its own standard deviation, from the scatter of the differences around it.
     pub z: f64,
-    /// The largest slope that rounding makes: 4·√n·u with the mean n = bound/unit, times √(Σ1/Σc²) with c = y/m where the
-    /// elements share roundings.
+    /// The largest slope that rounding makes: n·u with the mean n = bound/unit, divided by the root mean square of y/m
+    /// where the elements share roundings.
     pub limit: f64,
     /// Elements that took part.
     pub elements: usize,
@@ -115,9 +116,10 @@ impl Slope {
 
     /// Estimates the slope from differences e, values y, bounds and units; `None` when too few elements carry a unit.
     ///
-    /// Independent roundings are at most 4·√n·u·m each and average out, so their slope stays below 4·√n·u. A shared one,
-    /// such as a variance's that is lost by cancellation, is itself a factor: it may be as large as 4·√n·u·m/|y|, for which
-    /// the root mean square over the elements stands.
+    /// Independent roundings average out, except where all elements are made of the same few numbers and so round alike
+    /// (the even background of a masked image, voxels that are 0 or 1): there nothing cancels, m = |y|, and the bound
+    /// n·u·m is a slope of n·u. A rounding that elements share, such as a variance's that is lost by cancellation, is itself a
+    /// factor: it may be as large as n·u·m/|y|, for which the root mean square over the elements stands.
     pub fn estimate(elements: impl Iterator<Item = (f64, f64, f64, f64)>, shared: bool) -> Option<Self> {
         let (mut count, mut ey, mut yy, mut ee, mut roundings) = (0_usize, 0.0, 0.0, 0.0, 0.0);
         for (error, value, bound, unit) in elements {
@@ -140,7 +142,7 @@ impl Slope {
         let roundings = (roundings / count as f64).max(1.0);
         // Σc² = u²·Σ(y/unit)².
         let condition = if shared { (count as f64 / yy).sqrt() / UNIT_ROUNDOFF } else { 1.0 };
-        let limit = LAMBDA * roundings.sqrt() * UNIT_ROUNDOFF * condition.max(1.0);
+        let limit = roundings * UNIT_ROUNDOFF * condition.max(1.0);
         Some(Self { slope, z, limit, elements: count })
     }
 

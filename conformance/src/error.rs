@@ -24,17 +24,9 @@ pub enum Error {
         /// What was found and what was expected.
         message: String,
     },
-    /// The runtime refused.
+    /// The runtime, or ONNX Runtime through it, refused.
     #[error(transparent)]
     Runtime(#[from] vitruvian_runtime::error::Error),
-    /// ONNX Runtime refused a graph or its inputs.
-    #[error("{graph}: ONNX Runtime: {message}")]
-    Engine {
-        /// The file, or a name for a graph built in memory.
-        graph: String,
-        /// What it said.
-        message: String,
-    },
 }
 
 /// The judge's result.

@@ -63,33 +63,50 @@ pub struct Tolerance {
     pub reason: &'static str,
 }
 
+/// What is allowed above what was seen.
+///
+/// Other processors sum in another order, other inputs round otherwise, and retraining moves the condition of the layers: each was
+/// seen to change the error by less than 2. A wrong weight, axis, padding or ε errs by a thousand times more.
+const MARGIN: f64 = 16.0;
+
+fn seen(measured: f64, reason: &'static str) -> Tolerance {
+    Tolerance { measured, allowed: MARGIN * measured, reason }
+}
+
 /// How far a whole graph's outputs may be from the reference's forward pass.
 ///
-/// Measured on ONNX Runtime 1.32's CPU kernels with optimisation off and on, on the inputs of `tests/networks.rs`.
+/// Measured on ONNX Runtime 1.32's CPU kernels, random weights, with optimisation off and on, on the inputs of
+/// `tests/networks.rs`.
 pub fn whole_graph(kind: Kind, size: Size) -> Tolerance {
-    let sixteen = |measured: f64, reason| Tolerance { measured, allowed: 16.0 * measured, reason };
     match (kind, size) {
-        (Kind::MfPifuEncoder, Size::Small) => sixteen(
-            1e-6,
-            "17 normalised layers; retraining moves the condition of the normalisations, hence 16 times",
-        ),
-        (Kind::MfPifuEncoder, Size::Thesis) => sixteen(
-            1e-6,
-            "as the small one with sums sixteen times as long, whose roundings grow as their root",
-        ),
-        (Kind::MfPifuQuery, _) => sixteen(1e-6, "four layers; the sigmoid divides errors by at least four"),
-        (Kind::VsrEncoder, _) => sixteen(1e-6, "nine convolutions, no statistics"),
-        (Kind::VsrQuery, _) => sixteen(1e-6, "four layers; the sigmoid divides errors by at least four"),
+        (Kind::MfPifuEncoder, Size::Small) => {
+            seen(6.3e-7, "17 layers, each normalised, so errors do not grow")
+        }
+        (Kind::MfPifuEncoder, Size::Thesis) => {
+            seen(6.3e-7, "sums are longer, but √n of them cancels in the mean")
+        }
+        (Kind::MfPifuQuery, Size::Small) => {
+            seen(1.2e-6, "four layers; sampling rounds coordinates of 128 pixels")
+        }
+        (Kind::MfPifuQuery, Size::Thesis) => seen(1.8e-6, "as the small one, with up to 2049 products a sum"),
+        (Kind::VsrEncoder, Size::Small) => {
+            seen(5.0e-7, "nine convolutions of 27 to 864 products, no statistics")
+        }
+        (Kind::VsrEncoder, Size::Thesis) => {
+            seen(5.0e-7, "nine convolutions of 27 to 3456 products, no statistics")
+        }
+        (Kind::VsrQuery, Size::Small) => {
+            seen(4.1e-7, "four layers; the sigmoid divides errors by at least four")
+        }
+        (Kind::VsrQuery, Size::Thesis) => {
+            seen(4.1e-7, "four layers; the sigmoid divides errors by at least four")
+        }
     }
 }
 
-/// How far the occupancies of a widened network may be from those of the small one that it pads.
+/// How far the occupancies of a widened network may be from those of the small one that it pads, absolutely.
 ///
-/// Both compute the same sums, one with zeros between the terms, which blocks them differently.
+/// Both compute the same function in f32, one with zeros between the terms of its sums, which blocks them differently.
 pub fn widened() -> Tolerance {
-    Tolerance {
-        measured: 1e-6,
-        allowed: 16e-6,
-        reason: "the same exact function twice in f32: at most the sum of both whole-graph errors",
-    }
+    seen(4.8e-7, "each agrees with the same exact function, as recorded above; an occupancy is at most 1")
 }

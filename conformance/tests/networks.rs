@@ -10,7 +10,7 @@ use vitruvian_conformance::compare::Found;
 use vitruvian_conformance::engine::{self, OPTIMIZATIONS, Optimization};
 use vitruvian_conformance::onnx::model::Model;
 use vitruvian_conformance::problem::values::{Pattern, Values};
-use vitruvian_conformance::suite::networks::{judge_nodes, judge_stages, unjudged};
+use vitruvian_conformance::suite::networks::{judge_nodes, judge_stages, reference_stages, unjudged};
 use vitruvian_conformance::tolerance::{Kind, Size, whole_graph, widened};
 
 const GRAPHS: [&str; 4] = ["mf_pifu_encoder", "mf_pifu_query", "vsr_encoder", "vsr_query"];
@@ -100,30 +100,34 @@ fn named(outputs: Vec<Found>) -> Vec<(String, Array)> {
     outputs.into_iter().enumerate().map(name).collect()
 }
 
-/// Judges encoder and query of both networks stage by stage, optimised and not; gives the occupancies.
+/// Judges encoder and query of both networks stage by stage, optimised and not.
 fn judge_networks(folder: &Path, size: Size, scene: &Scene) {
     for [encoder, query] in [["mf_pifu_encoder", "mf_pifu_query"], ["vsr_encoder", "vsr_query"]] {
         let (encoder, query) = (graph(folder, encoder), graph(folder, query));
+        let (kind, asked) = (Kind::of(&encoder).expect("a kind"), Kind::of(&query).expect("a kind"));
+        let inputs = scene.encoder_inputs(kind);
+        let reference = reference_stages(&encoder, &inputs).expect("stages");
         for optimization in OPTIMIZATIONS {
-            let kind = Kind::of(&encoder).expect("a kind");
-            let tolerance = whole_graph(kind, size);
-            let inputs = scene.encoder_inputs(kind);
-            let (mut stages, features) =
-                judge_stages(&encoder, &inputs, optimization, &tolerance).expect("a verdict");
+            let (mut verdicts, features) =
+                judge_stages(&encoder, &reference, &inputs, optimization, &whole_graph(kind, size))
+                    .expect("a verdict");
             // The query is judged on the features that the runtime made.
             let features = named(features);
-            let kind = Kind::of(&query).expect("a kind");
-            let inputs = scene.query_inputs(kind, &features);
-            let tolerance = whole_graph(kind, size);
-            stages.extend(judge_stages(&query, &inputs, optimization, &tolerance).expect("a verdict").0);
-            for stage in stages {
-                println!("{} {optimization:?} {}: {:.2e}", query.name(), stage.stage, stage.relative_error);
+            let inputs = scene.query_inputs(asked, &features);
+            let reference = reference_stages(&query, &inputs).expect("stages");
+            let answer = judge_stages(&query, &reference, &inputs, optimization, &whole_graph(asked, size));
+            verdicts.extend(answer.expect("a verdict").0);
+            for verdict in verdicts {
+                println!(
+                    "{kind:?} {size:?} {optimization:?} {}: {:.2e}",
+                    verdict.stage, verdict.relative_error
+                );
                 assert!(
-                    stage.comparison.within_bounds(),
+                    verdict.comparison.within_bounds(),
                     "{}, optimization {optimization:?}, stage {}: {}",
-                    query.name(),
-                    stage.stage,
-                    stage.comparison
+                    encoder.name(),
+                    verdict.stage,
+                    verdict.comparison
                 );
             }
         }

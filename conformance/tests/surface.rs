@@ -46,7 +46,7 @@ fn voxels_and_inside_agree_on_the_mannequin() {
         faces: body.faces.clone(),
     });
     let voxels = judge_voxels(&mesh, 32).expect("the same cells");
-    assert!(voxels.inside > 300, "a body fills part of its cube: {voxels:?}");
+    assert!(voxels.inside > 100, "a body fills part of its cube: {voxels:?}");
     let points = judge_inside(&mesh, 5, 2000).expect("the same points");
-    assert!(points.inside > 50, "some points are inside: {points:?}");
+    assert!(points.inside > 20, "some points are inside: {points:?}");
 }

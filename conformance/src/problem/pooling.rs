@@ -7,14 +7,16 @@ use super::values::Values;
 use super::{Operand, Problem};
 use crate::onnx::builder::{int, ints};
 
+/// Kernel, stride, what the paddings are drawn from, and pixels beyond the kernel.
+type Axis = (usize, usize, [usize; 2], usize);
+
 /// x [N,C,…]: the largest of each window, with this many spatial axes.
 pub fn max_pool(spatial: usize) -> impl Strategy<Value = Problem> {
     let extra = if spatial == 2 { 0..=12_usize } else { 0..=5 };
     let axis = (1..=3_usize, 1..=3_usize, any::<[usize; 2]>(), extra);
     (1..=2_usize, 1..=6_usize, prop::collection::vec(axis, spatial), any::<Values>()).prop_map(
         |(samples, channels, axes, x)| {
-            let all =
-                |of: fn(&(usize, usize, [usize; 2], usize)) -> usize| axes.iter().map(of).collect::<Vec<_>>();
+            let all = |of: fn(&Axis) -> usize| axes.iter().map(of).collect::<Vec<_>>();
             // Paddings below the kernel's side, so that every window holds a pixel.
             let before = all(|axis| axis.2[0] % axis.0);
             let after = all(|axis| axis.2[1] % axis.0);

@@ -3,6 +3,9 @@
 //! The reference answers the healthy problem and the runtime a faulty one. All problems are ordinary (numbers of size one,
 //! sizes as in the networks), because a fault below rounding is no fault: ε = 10⁻³ for 10⁻⁵ beside a variance of 10⁶
 //! changes no digit.
+//!
+//! Of 100 problems each, the bound of a single element sees every fault in every problem, but for the factor of 1.0005 in
+//! sums of 3456 products: there it sees 21, and the slope sees all.
 
 use std::cell::RefCell;
 

@@ -101,60 +101,6 @@ pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeV
     Ok(verdicts)
 }
 
-/// A network as the reference defines it, with the weights of a graph.
-pub enum Network {
-    /// Images to features.
-    MfPifuEncoder(mf_pifu::Encoder),
-    /// Features and points to occupancy.
-    MfPifuQuery(mf_pifu::Query),
-    /// Voxels to features.
-    VsrEncoder(vsr::Encoder),
-    /// Features and points to occupancy.
-    VsrQuery(vsr::Query),
-}
-
-impl Network {
-    /// The network that a graph declares by `vitruvian.kind`, with the graph's weights.
-    ///
-    /// # Errors
-    /// When the graph declares no kind that is known here, or a weight is not floating-point.
-    ///
-    /// # Panics
-    /// As the reference does when a weight is missing, left over or of a shape that does not fit.
-    pub fn of(model: &Model) -> Result<Self> {
-        let mut weights = Vec::new();
-        for (name, constant) in model.constants()? {
-            let values = constant.to_f64().ok_or_else(|| Error::Onnx {
-                graph: model.name().to_owned(),
-                item: format!("initializer \"{name}\""),
-                message: "holds integers, weights were expected".into(),
-            })?;
-            weights.push((name, Tensor::new(&constant.shape, values)));
-        }
-        let weights: Weights = weights.into_iter().collect();
-        Ok(match Kind::of(model)? {
-            Kind::MfPifuEncoder => Self::MfPifuEncoder(mf_pifu::Encoder::from_weights(weights)),
-            Kind::MfPifuQuery => Self::MfPifuQuery(mf_pifu::Query::from_weights(weights)),
-            Kind::VsrEncoder => Self::VsrEncoder(vsr::Encoder::from_weights(weights)),
-            Kind::VsrQuery => Self::VsrQuery(vsr::Query::from_weights(weights)),
-        })
-    }
-
-    /// The forward pass on the graph's inputs, in the graph's order.
-    ///
-    /// # Panics
-    /// As the reference does when the inputs do not fit.
-    pub fn forward(&self, inputs: &[Tensor]) -> Stages {
-        let features = |count: usize| inputs[..count].iter().collect::<Vec<_>>();
-        match self {
-            Self::MfPifuEncoder(encoder) => encoder.forward(&inputs[0]),
-            Self::MfPifuQuery(query) => query.forward(&features(4), &inputs[4], &inputs[5]),
-            Self::VsrEncoder(encoder) => encoder.forward(&inputs[0]),
-            Self::VsrQuery(query) => query.forward(&features(5), &inputs[5]),
-        }
-    }
-}
-
 /// One stage's agreement.
 #[derive(Clone, Debug)]
 pub struct StageVerdict {
@@ -166,21 +112,58 @@ pub struct StageVerdict {
     pub comparison: Comparison,
 }
 
-/// Compares the graph's outputs with the reference's forward pass from the same inputs.
+/// The weights of a graph by their names.
+fn weights(model: &Model) -> Result<Weights> {
+    let mut weights = Vec::new();
+    for (name, constant) in model.constants()? {
+        let values = constant.to_f64().ok_or_else(|| Error::Onnx {
+            graph: model.name().to_owned(),
+            item: format!("initializer \"{name}\""),
+            message: "holds integers, weights were expected".into(),
+        })?;
+        weights.push((name, Tensor::new(&constant.shape, values)));
+    }
+    Ok(weights.into_iter().collect())
+}
+
+/// The reference's forward pass of the network that a graph declares by `vitruvian.kind`, with the graph's weights, from the
+/// graph's inputs in their order.
 ///
 /// # Errors
-/// When the graph cannot run or is no network known here.
+/// When the graph declares no kind that is known here, or a weight is not floating-point.
+///
+/// # Panics
+/// As the reference does when a weight is missing, left over or of a shape that does not fit, or the inputs do not fit.
+pub fn reference_stages(model: &Model, inputs: &[(&str, &Array)]) -> Result<Stages> {
+    let exact =
+        |array: &Array| Tensor::new(&array.shape, array.values.iter().map(|&v| f64::from(v)).collect());
+    let inputs: Vec<Tensor> = inputs.iter().map(|(_, array)| exact(array)).collect();
+    let inputs: Vec<&Tensor> = inputs.iter().collect();
+    let weights = weights(model)?;
+    Ok(match Kind::of(model)? {
+        Kind::MfPifuEncoder => mf_pifu::Encoder::from_weights(weights).forward(inputs[0]),
+        Kind::MfPifuQuery => {
+            mf_pifu::Query::from_weights(weights).forward(&inputs[..4], inputs[4], inputs[5])
+        }
+        Kind::VsrEncoder => vsr::Encoder::from_weights(weights).forward(inputs[0]),
+        Kind::VsrQuery => vsr::Query::from_weights(weights).forward(&inputs[..5], inputs[5]),
+    })
+}
+
+/// Compares the graph's outputs with the stages of the same names; gives the outputs as well.
+///
+/// # Errors
+/// When the graph cannot run.
+///
+/// # Panics
+/// When an output is no stage of the reference.
 pub fn judge_stages(
     model: &Model,
+    stages: &Stages,
     inputs: &[(&str, &Array)],
     optimization: Optimization,
     tolerance: &Tolerance,
 ) -> Result<(Vec<StageVerdict>, Vec<Found>)> {
-    let exact: Vec<Tensor> = inputs
-        .iter()
-        .map(|(_, array)| Tensor::new(&array.shape, array.values.iter().map(|&v| f64::from(v)).collect()))
-        .collect();
-    let stages = Network::of(model)?.forward(&exact);
     let found = engine::run(model.name(), model.bytes(), optimization, inputs)?;
     let verdicts = model.outputs().into_iter().zip(&found).map(|(stage, found)| {
         let answer = stages.get(stage);
