@@ -48,7 +48,7 @@ fn operands(
     operands
 }
 
-/// x [N,C,…] * w [O,C/groups,…] + bias [O], with this many spatial axes.
+/// x [N,C,…] * w [O,C/groups,…] + bias \[O\], with this many spatial axes.
 pub fn conv(spatial: usize) -> impl Strategy<Value = Problem> {
     // In 1-D kernel 1 is frequent and channels are many (a point network), in 3-D everything is small.
     let (channels, extra, kernel) = match spatial {
@@ -88,7 +88,7 @@ pub fn conv(spatial: usize) -> impl Strategy<Value = Problem> {
     )
 }
 
-/// x [N,C,…] transposed with w [C,O/groups,…] + bias [O], with this many spatial axes.
+/// x [N,C,…] transposed with w [C,O/groups,…] + bias \[O\], with this many spatial axes.
 pub fn conv_transpose(spatial: usize) -> impl Strategy<Value = Problem> {
     let (channels, side, kernel) = match spatial {
         2 => (1..=12_usize, 1..=9_usize, 1..=5_usize),

@@ -6,7 +6,7 @@ use super::values::Values;
 use super::{Operand, Problem};
 use crate::onnx::builder::{float, int};
 
-/// α·A′B′ + β·C, transposed or not; C [M,N], [N], [1] or absent.
+/// α·A′B′ + β·C, transposed or not; C \[M,N\], \[N\], \[1\] or absent.
 pub fn gemm() -> impl Strategy<Value = Problem> {
     let sizes = (1..=20_usize, 1..=150_usize, 1..=40_usize);
     let factors = prop::sample::select(vec![1.0_f32, 0.5, -2.3]);

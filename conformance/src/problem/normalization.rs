@@ -37,7 +37,7 @@ pub fn batch_norm() -> impl Strategy<Value = Problem> {
     )
 }
 
-/// x [N,C,H,W] in groups of channels.
+/// x \[N,C,H,W\] in groups of channels.
 pub fn group_norm() -> impl Strategy<Value = Problem> {
     let sizes = (1..=2_usize, 1..=4_usize, 1..=8_usize, 1..=9_usize, 1..=9_usize);
     (sizes, any::<[Values; 3]>(), epsilon()).prop_map(
