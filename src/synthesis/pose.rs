@@ -18,7 +18,7 @@ const Z: Vector3 = [0.0, 0.0, 1.0];
 /// How often a random pose is drawn again because limbs run through each other.
 const ATTEMPTS: usize = 200;
 
-/// Draws a pose θ [72] (axis-angle, radians, SMPL's joint order) with a uniform heading.
+/// Draws a pose θ \[72\] (axis-angle, radians, SMPL's joint order) with a uniform heading.
 ///
 /// `rest_joints` are the body's 24 rest joints in metres, from which the limbs' rest directions are read. `clear` says
 /// whether a pose keeps the limbs apart; the last draw is returned if none does.

@@ -29,7 +29,7 @@ pub struct Settings {
 
 /// The truth of a scene and what its pictures need.
 pub struct Scene {
-    /// θ [72], axis-angle, radians.
+    /// θ \[72\], axis-angle, radians.
     pub pose: Vec<f64>,
     /// β [≤ 10].
     pub betas: Vec<f64>,
