@@ -3,7 +3,8 @@
 //! The field lives on a lattice: a cube cut into R cells along each side, (R+1)³ points. Asking a network for
 //! all of them is the whole cost of a reconstruction, and nearly all of them are far from the surface. Coarse to fine:
 //!
-//! 1. every s-th point is asked (s = R/64 for R ≥ 128, 2 for R > 64, else 1: 64 coarse cells are 3 cm of a body);
+//! 1. every s-th point is asked, s = R/C for R ≥ 2C, 2 for R > C, else 1: C is the field's number of coarse cells
+//!    ([`ImplicitField::coarse_cells`]);
 //! 2. wherever two neighbouring coarse points lie on different sides of the level, the fine points between them are
 //!    asked: each fine edge that changes sides has four *seed* cells around it;
 //! 3. from the seeds the surface is followed over fine cells, across every cell face whose corners do not all lie on
@@ -67,6 +68,12 @@ pub trait ImplicitField {
     /// The value of points that are certainly outside; it must not exceed the level.
     fn outside_value(&self) -> f32 {
         0.0
+    }
+
+    /// C, the cells of the coarse lattice along each side. 64 cells are 3 cm of a body, enough for its limbs; a field
+    /// that knows most points to be outside can afford 128, between which nothing of a body hides.
+    fn coarse_cells(&self) -> usize {
+        64
     }
 
     /// The largest number of points asked at once, which bounds the memory of an evaluation.
@@ -146,7 +153,7 @@ pub fn surface(
     check(field, lattice, level, mode)?;
     let step = match mode {
         Mode::Dense => 1,
-        Mode::CoarseToFine => coarse_step(lattice.resolution),
+        Mode::CoarseToFine => coarse_step(lattice.resolution, field.coarse_cells()),
     };
     let mut asker = Asker::new(field, lattice, progress);
     let (mut mesh, cells) = if step == 1 {
@@ -173,11 +180,13 @@ pub fn surface(
 }
 
 /// Every how many points the coarse lattice has one.
-fn coarse_step(resolution: usize) -> usize {
-    match resolution {
-        0..=64 => 1,
-        65..128 => 2,
-        _ => resolution / 64,
+fn coarse_step(resolution: usize, coarse_cells: usize) -> usize {
+    if resolution <= coarse_cells {
+        1
+    } else if resolution < 2 * coarse_cells {
+        2
+    } else {
+        resolution / coarse_cells
     }
 }
 

@@ -183,6 +183,10 @@ impl ImplicitField for MfPifuField<'_> {
         Ok(outputs[0].f32()?.iter().map(|&raw| occupancy.value(raw)).collect())
     }
 
+    fn coarse_cells(&self) -> usize {
+        super::COARSE_CELLS
+    }
+
     fn certainly_outside(&self, point: [f64; 3]) -> bool {
         !self.views.iter().all(|view| view.sees(point))
     }

@@ -33,6 +33,9 @@ pub use vsr::Vsr;
 /// The share of VSR's cube that the coarse surface's longest side takes.
 pub const CUBE_FILL: f64 = 0.9;
 
+/// Cells of both fields' coarse lattices: silhouettes and coarse voxels tell most of their points without asking.
+const COARSE_CELLS: usize = 128;
+
 /// A step of the work, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -164,7 +167,7 @@ impl Reconstructor {
         lap(Stage::EncodeVoxels);
 
         let level = vsr.level();
-        let mut field = vsr.field(&features, cube);
+        let mut field = vsr.field(&features, &voxels, cube);
         let stage = Stage::RefinedSurface;
         let refined = surface(&mut field, cube, level, options, &mut |done, all| progress(stage, done, all))
             .map_err(|error| about("the refined field (VSR)", error))?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ndarray::Array2;
+use ndarray::{Array2, Array3, Axis};
 
 use super::mf_pifu::feature_names;
 use super::{check_channels, load_graph, points_at_once};
@@ -68,8 +68,9 @@ impl Vsr {
     }
 
     /// The occupancy of world points, the voxels filling `cube`.
-    pub fn field<'a>(&'a mut self, features: &'a [Value], cube: Cube) -> VsrField<'a> {
-        VsrField { network: self, features, cube }
+    pub fn field<'a>(&'a mut self, features: &'a [Value], voxels: &Voxels, cube: Cube) -> VsrField<'a> {
+        let reach = (REACH_M / cube.side * voxels.values.dim().0 as f64).ceil() as usize;
+        VsrField { network: self, features, cube, near: dilate(&voxels.values, reach) }
     }
 
     /// A cube coordinate −1..1 from face to face, as the graph counts: from voxel centre to voxel centre if it aligns corners.
@@ -83,12 +84,40 @@ impl Vsr {
     }
 }
 
+/// How far from the coarse body the refined one may reach: σ_max of the points that VSR learns from, beyond which it
+/// has hardly seen any (Li 2021, table 6.5; erratum E40).
+const REACH_M: f64 = 0.15;
+
+/// Voxels with a solid one at most `reach` away along every axis.
+fn dilate(solid: &Array3<u8>, reach: usize) -> Array3<u8> {
+    let mut near = solid.clone();
+    for axis in 0..3 {
+        for mut line in near.lanes_mut(Axis(axis)) {
+            // before[i] of the line's first i voxels are solid.
+            let mut before = vec![0; line.len() + 1];
+            for (at, &value) in line.iter().enumerate() {
+                before[at + 1] = before[at] + usize::from(value);
+            }
+            let length = line.len();
+            for (at, value) in line.iter_mut().enumerate() {
+                let (low, high) = (at.saturating_sub(reach), (at + reach + 1).min(length));
+                *value = u8::from(before[high] > before[low]);
+            }
+        }
+    }
+    near
+}
+
 /// VSR's occupancy over world points, inside being larger.
+///
+/// A point more than 15 cm from the coarse body is outside the refined one, and the network is not asked.
 #[derive(Debug)]
 pub struct VsrField<'a> {
     network: &'a mut Vsr,
     features: &'a [Value],
     cube: Cube,
+    /// 1 within reach of the coarse body.
+    near: Array3<u8>,
 }
 
 impl ImplicitField for VsrField<'_> {
@@ -108,7 +137,35 @@ impl ImplicitField for VsrField<'_> {
         Ok(outputs[0].f32()?.iter().map(|&raw| occupancy.value(raw)).collect())
     }
 
+    fn coarse_cells(&self) -> usize {
+        super::COARSE_CELLS
+    }
+
+    fn certainly_outside(&self, point: [f64; 3]) -> bool {
+        let d = self.near.dim().0;
+        let voxel = self.cube.normalize(point).map(|c| (0.5 * (c + 1.0) * d as f64).floor());
+        let inside = voxel.iter().all(|&v| v >= 0.0 && v < d as f64);
+        // Lattice points on the cube's upper faces lie in no voxel.
+        !inside || self.near[voxel.map(|v| v as usize)] == 0
+    }
+
     fn chunk(&self) -> usize {
         points_at_once(1, &self.network.channels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dilation_is_the_box_around_every_solid_voxel() {
+        let mut solid = Array3::zeros((9, 9, 9));
+        solid[[4, 1, 8]] = 1;
+        let near = dilate(&solid, 2);
+        for ((x, y, z), &value) in near.indexed_iter() {
+            let inside = x.abs_diff(4) <= 2 && y.abs_diff(1) <= 2 && z.abs_diff(8) <= 2;
+            assert_eq!(value, u8::from(inside), "({x}, {y}, {z})");
+        }
     }
 }
