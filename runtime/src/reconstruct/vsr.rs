@@ -84,9 +84,9 @@ impl Vsr {
     }
 }
 
-/// How far from the coarse body the refined one may reach: σ_max of the points that VSR learns from, beyond which it
-/// has hardly seen any (Li 2021, table 6.5; erratum E40).
-const REACH_M: f64 = 0.15;
+/// How far from the coarse body the refined one may reach: within σ_max = 15 cm of the points that VSR learns from, beyond
+/// which it has hardly seen any (erratum E40), and wider than what it mends.
+const REACH_M: f64 = 0.10;
 
 /// Voxels with a solid one at most `reach` away along every axis.
 fn dilate(solid: &Array3<u8>, reach: usize) -> Array3<u8> {
@@ -110,7 +110,7 @@ fn dilate(solid: &Array3<u8>, reach: usize) -> Array3<u8> {
 
 /// VSR's occupancy over world points, inside being larger.
 ///
-/// A point more than 15 cm from the coarse body is outside the refined one, and the network is not asked.
+/// A point more than 10 cm along an axis from every coarse voxel is outside the refined one, and the network is not asked.
 #[derive(Debug)]
 pub struct VsrField<'a> {
     network: &'a mut Vsr,
