@@ -109,8 +109,7 @@ fn network_views(name: &Path, scene: &Scene) -> Result<Vec<NetworkView>> {
 fn write_mf_pifu(path: &Path, scene: &Scene, rng: &mut impl Rng) -> Result<()> {
     let views = network_views(path, scene)?;
     let region = BodyRegion::find(path, &views)?;
-    let mut points: Vec<[f32; 3]> =
-        NEAR.iter().flat_map(|&near| around(rng, &scene.surface, near)).collect();
+    let mut points: Vec<[f32; 3]> = NEAR.iter().flat_map(|&near| around(rng, &scene.surface, near)).collect();
     points
         .extend((0..ANYWHERE).map(|_| region.origin.map(|o| (o + region.side * rng.random::<f64>()) as f32)));
     let occupancy = labels(&scene.surface, &points);
@@ -145,7 +144,12 @@ fn write_mf_pifu(path: &Path, scene: &Scene, rng: &mut impl Rng) -> Result<()> {
     Ok(())
 }
 
-fn write_vsr(path: &Path, scene: &Scene, reconstructor: &mut Reconstructor, rng: &mut impl Rng) -> Result<()> {
+fn write_vsr(
+    path: &Path,
+    scene: &Scene,
+    reconstructor: &mut Reconstructor,
+    rng: &mut impl Rng,
+) -> Result<()> {
     let views = network_views(path, scene)?;
     let region = BodyRegion::find(path, &views)?;
     let options = Options { resolution: RESOLUTION, mode: Mode::CoarseToFine };
@@ -155,11 +159,13 @@ fn write_vsr(path: &Path, scene: &Scene, reconstructor: &mut Reconstructor, rng:
     let packed: Vec<u8> = voxels.values.iter().copied().collect::<Vec<u8>>().chunks(8).map(pack).collect();
 
     let coarse = convert::mesh_to_reference(&coarse);
-    let mut points: Vec<[f32; 3]> = AROUND_COARSE.iter().flat_map(|&near| around(rng, &coarse, near)).collect();
+    let mut points: Vec<[f32; 3]> =
+        AROUND_COARSE.iter().flat_map(|&near| around(rng, &coarse, near)).collect();
     points.extend(around(rng, &scene.surface, AROUND_TRUTH));
     points.retain(|p| cube.normalize(p.map(f64::from)).iter().all(|c| c.abs() <= 1.0));
     let occupancy = labels(&scene.surface, &points);
-    let flat: Vec<f32> = points.iter().flat_map(|p| cube.normalize(p.map(f64::from))).map(|c| c as f32).collect();
+    let flat: Vec<f32> =
+        points.iter().flat_map(|p| cube.normalize(p.map(f64::from))).map(|c| c as f32).collect();
     npz::write(
         path,
         &[
