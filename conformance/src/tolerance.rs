@@ -52,10 +52,10 @@ pub enum Size {
     Thesis,
 }
 
-/// A measured tolerance, relative to the largest value of the stage.
+/// A measured tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// The largest error seen: |ŷ − y| over the largest |y|.
+    /// The largest error seen.
     pub measured: f64,
     /// What is accepted.
     pub allowed: f64,
@@ -65,48 +65,44 @@ pub struct Tolerance {
 
 /// What is allowed above what was seen.
 ///
-/// Other processors sum in another order, other inputs round otherwise, and retraining moves the condition of the layers: each was
-/// seen to change the error by less than 2. A wrong weight, axis, padding or ε errs by a thousand times more.
-const MARGIN: f64 = 16.0;
+/// Other processors sum in another order and other inputs round otherwise; in units of the noise floor, which
+/// follows the weights, no two sizes or fillings differed by more than 3.
+const MARGIN: f64 = 4.0;
 
 fn seen(measured: f64, reason: &'static str) -> Tolerance {
     Tolerance { measured, allowed: MARGIN * measured, reason }
 }
 
-/// How far a whole graph's outputs may be from the reference's forward pass.
+/// How far a whole graph's outputs may be from the reference's forward pass, in units of each stage's
+/// [noise floor](crate::suite::networks::Reference::noise_floor).
 ///
-/// Measured on ONNX Runtime 1.32's CPU kernels, random weights, with optimisation off and on, on the inputs of
-/// `tests/networks.rs`.
+/// Measured on ONNX Runtime 1.32's CPU kernels, with optimisation off and on, random, trained and widened weights, on the
+/// inputs of `tests/networks.rs`. The floor follows from the weights, so these figures survive a retraining.
 pub fn whole_graph(kind: Kind, size: Size) -> Tolerance {
     match (kind, size) {
         (Kind::MfPifuEncoder, Size::Small) => {
-            seen(6.3e-7, "17 layers, each normalised, so errors do not grow")
+            seen(5.5, "the floor has a rounding per product, f32 one per addition too")
         }
-        (Kind::MfPifuEncoder, Size::Thesis) => {
-            seen(6.3e-7, "sums are longer, but √n of them cancels in the mean")
-        }
+        (Kind::MfPifuEncoder, Size::Thesis) => seen(6.6, "as the small one; longer sums round more often"),
         (Kind::MfPifuQuery, Size::Small) => {
-            seen(1.2e-6, "four layers; sampling rounds coordinates of 128 pixels")
+            seen(1.0, "coordinates dominate, and the floor has their rounding")
         }
-        (Kind::MfPifuQuery, Size::Thesis) => seen(1.8e-6, "as the small one, with up to 2049 products a sum"),
+        (Kind::MfPifuQuery, Size::Thesis) => {
+            seen(1.0, "coordinates dominate, and the floor has their rounding")
+        }
         (Kind::VsrEncoder, Size::Small) => {
-            seen(5.0e-7, "nine convolutions of 27 to 864 products, no statistics")
+            seen(6.7, "the floor has a rounding per product, f32 one per addition too")
         }
-        (Kind::VsrEncoder, Size::Thesis) => {
-            seen(5.0e-7, "nine convolutions of 27 to 3456 products, no statistics")
-        }
-        (Kind::VsrQuery, Size::Small) => {
-            seen(4.1e-7, "four layers; the sigmoid divides errors by at least four")
-        }
-        (Kind::VsrQuery, Size::Thesis) => {
-            seen(4.1e-7, "four layers; the sigmoid divides errors by at least four")
-        }
+        (Kind::VsrEncoder, Size::Thesis) => seen(7.7, "as the small one; longer sums round more often"),
+        (Kind::VsrQuery, Size::Small) => seen(1.8, "as for the images; coarser volumes have gentler slopes"),
+        (Kind::VsrQuery, Size::Thesis) => seen(1.8, "as for the images; coarser volumes have gentler slopes"),
     }
 }
 
-/// How far the occupancies of a widened network may be from those of the small one that it pads, absolutely.
+/// How far the occupancies of a widened network may be from those of the small one that it pads, in units of the small
+/// one's noise floor.
 ///
 /// Both compute the same function in f32, one with zeros between the terms of its sums, which blocks them differently.
 pub fn widened() -> Tolerance {
-    seen(4.8e-7, "each agrees with the same exact function, as recorded above; an occupancy is at most 1")
+    seen(1.8, "each agrees with the same exact function")
 }

@@ -10,7 +10,7 @@ use vitruvian_conformance::compare::Found;
 use vitruvian_conformance::engine::{self, OPTIMIZATIONS, Optimization};
 use vitruvian_conformance::onnx::model::Model;
 use vitruvian_conformance::problem::values::{Pattern, Values};
-use vitruvian_conformance::suite::networks::{judge_nodes, judge_stages, reference_stages, unjudged};
+use vitruvian_conformance::suite::networks::{Reference, judge_nodes, judge_stages, unjudged};
 use vitruvian_conformance::tolerance::{Kind, Size, whole_graph, widened};
 
 const GRAPHS: [&str; 4] = ["mf_pifu_encoder", "mf_pifu_query", "vsr_encoder", "vsr_query"];
@@ -106,7 +106,7 @@ fn judge_networks(folder: &Path, size: Size, scene: &Scene) {
         let (encoder, query) = (graph(folder, encoder), graph(folder, query));
         let (kind, asked) = (Kind::of(&encoder).expect("a kind"), Kind::of(&query).expect("a kind"));
         let inputs = scene.encoder_inputs(kind);
-        let reference = reference_stages(&encoder, &inputs).expect("stages");
+        let reference = Reference::of(&encoder, &inputs).expect("stages");
         for optimization in OPTIMIZATIONS {
             let (mut verdicts, features) =
                 judge_stages(&encoder, &reference, &inputs, optimization, &whole_graph(kind, size))
@@ -114,13 +114,13 @@ fn judge_networks(folder: &Path, size: Size, scene: &Scene) {
             // The query is judged on the features that the runtime made.
             let features = named(features);
             let inputs = scene.query_inputs(asked, &features);
-            let reference = reference_stages(&query, &inputs).expect("stages");
+            let reference = Reference::of(&query, &inputs).expect("stages");
             let answer = judge_stages(&query, &reference, &inputs, optimization, &whole_graph(asked, size));
             verdicts.extend(answer.expect("a verdict").0);
             for verdict in verdicts {
                 println!(
-                    "{kind:?} {size:?} {optimization:?} {}: {:.2e}",
-                    verdict.stage, verdict.relative_error
+                    "{kind:?} {size:?} {optimization:?} {}: {:.2} of the noise floor",
+                    verdict.stage, verdict.noise
                 );
                 assert!(
                     verdict.comparison.within_bounds(),
@@ -199,21 +199,25 @@ fn the_widened_graphs_compute_what_the_small_ones_compute() {
     let Some(folder) = thesis("widened") else { return };
     let (scene, tolerance) = (Scene::new(1, 32, 1000), widened());
     for [encoder, query] in [["mf_pifu_encoder", "mf_pifu_query"], ["vsr_encoder", "vsr_query"]] {
-        let occupancy = |folder: &Path| {
+        let answer = |folder: &Path| {
             let (encoder, query) = (graph(folder, encoder), graph(folder, query));
             let inputs = scene.encoder_inputs(Kind::of(&encoder).expect("a kind"));
             let features = engine::run(encoder.name(), encoder.bytes(), Optimization::All, &inputs);
             let features = named(features.expect("features"));
             let inputs = scene.query_inputs(Kind::of(&query).expect("a kind"), &features);
-            engine::run(query.name(), query.bytes(), Optimization::All, &inputs)
-                .expect("occupancy")
-                .swap_remove(0)
+            let outputs = engine::run(query.name(), query.bytes(), Optimization::All, &inputs);
+            let floor = Reference::of(&query, &inputs).expect("stages").noise_floor("occupancy");
+            (outputs.expect("occupancy").swap_remove(0), floor)
         };
-        let (small, wide) = (occupancy(&exported()), occupancy(&folder));
+        let ((small, floor), (wide, _)) = (answer(&exported()), answer(&folder));
         let differences = small.values.iter().zip(&wide.values).map(|(a, b)| f64::from((a - b).abs()));
-        let largest = differences.fold(0.0, f64::max);
-        println!("{query}: widened and small differ by {largest:.2e}");
+        let largest = differences.fold(0.0, f64::max) / floor;
+        println!("{query}: widened and small differ by {largest:.2} of the noise floor {floor:.1e}");
         assert_eq!(small.shape, wide.shape, "{query}");
-        assert!(largest <= tolerance.allowed, "{query}: {largest:e}, {:e} is allowed", tolerance.allowed);
+        assert!(
+            largest <= tolerance.allowed,
+            "{query}: {largest} of the floor, {} is allowed",
+            tolerance.allowed
+        );
     }
 }

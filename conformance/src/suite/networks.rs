@@ -11,10 +11,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 use vitruvian_reference::network::{Stages, Weights, mf_pifu, vsr};
 use vitruvian_reference::nn::{Rounded, Tensor};
 
 use crate::array::Array;
+use crate::certificate::UNIT_ROUNDOFF;
 use crate::compare::{Comparison, Expected, Found, compare};
 use crate::engine::{self, Optimization};
 use crate::error::{Error, Result};
@@ -101,53 +104,101 @@ pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeV
     Ok(verdicts)
 }
 
-/// One stage's agreement.
+/// The reference's forward pass of a graph's network, and how far rounding carries it.
 #[derive(Clone, Debug)]
-pub struct StageVerdict {
-    /// The stage, which is an output of the graph.
-    pub stage: String,
-    /// Largest |ŷ − y| over the stage's largest |y|.
-    pub relative_error: f64,
-    /// The comparison in the recorded tolerance.
-    pub comparison: Comparison,
+pub struct Reference {
+    /// The stages by name.
+    pub stages: Stages,
+    /// The same with every weight and every coordinate off by a random share of one rounding.
+    disturbed: Stages,
 }
 
-/// The weights of a graph by their names.
-fn weights(model: &Model) -> Result<Weights> {
+/// The weights of a graph by their names; with a seed, each off by a random relative error of at most u.
+fn weights(model: &Model, disturbance: Option<u64>) -> Result<Weights> {
+    let mut random = ChaCha8Rng::seed_from_u64(disturbance.unwrap_or_default());
     let mut weights = Vec::new();
     for (name, constant) in model.constants()? {
-        let values = constant.to_f64().ok_or_else(|| Error::Onnx {
+        let mut values = constant.to_f64().ok_or_else(|| Error::Onnx {
             graph: model.name().to_owned(),
             item: format!("initializer \"{name}\""),
             message: "holds integers, weights were expected".into(),
         })?;
+        if disturbance.is_some() {
+            values.iter_mut().for_each(|w| *w *= 1.0 + UNIT_ROUNDOFF * random.random_range(-1.0..1.0));
+        }
         weights.push((name, Tensor::new(&constant.shape, values)));
     }
     Ok(weights.into_iter().collect())
 }
 
-/// The reference's forward pass of the network that a graph declares by `vitruvian.kind`, with the graph's weights, from the
-/// graph's inputs in their order.
-///
-/// # Errors
-/// When the graph declares no kind that is known here, or a weight is not floating-point.
-///
-/// # Panics
-/// As the reference does when a weight is missing, left over or of a shape that does not fit, or the inputs do not fit.
-pub fn reference_stages(model: &Model, inputs: &[(&str, &Array)]) -> Result<Stages> {
-    let exact =
-        |array: &Array| Tensor::new(&array.shape, array.values.iter().map(|&v| f64::from(v)).collect());
-    let inputs: Vec<Tensor> = inputs.iter().map(|(_, array)| exact(array)).collect();
-    let inputs: Vec<&Tensor> = inputs.iter().collect();
-    let weights = weights(model)?;
-    Ok(match Kind::of(model)? {
-        Kind::MfPifuEncoder => mf_pifu::Encoder::from_weights(weights).forward(inputs[0]),
-        Kind::MfPifuQuery => {
-            mf_pifu::Query::from_weights(weights).forward(&inputs[..4], inputs[4], inputs[5])
+impl Reference {
+    /// The forward pass of the network that a graph declares by `vitruvian.kind`, with the graph's weights, from the graph's
+    /// inputs in their order.
+    ///
+    /// # Errors
+    /// When the graph declares no kind that is known here, or a weight is not floating-point.
+    ///
+    /// # Panics
+    /// As the reference does when a weight is missing, left over or of a shape that does not fit, or the inputs do not fit.
+    pub fn of(model: &Model, inputs: &[(&str, &Array)]) -> Result<Self> {
+        let exact =
+            |array: &Array| Tensor::new(&array.shape, array.values.iter().map(|&v| f64::from(v)).collect());
+        let exact: Vec<Tensor> = inputs.iter().map(|(_, array)| exact(array)).collect();
+        let kind = Kind::of(model)?;
+        let forward = |weights: Weights, inputs: &[Tensor]| {
+            let inputs: Vec<&Tensor> = inputs.iter().collect();
+            match kind {
+                Kind::MfPifuEncoder => mf_pifu::Encoder::from_weights(weights).forward(inputs[0]),
+                Kind::MfPifuQuery => {
+                    mf_pifu::Query::from_weights(weights).forward(&inputs[..4], inputs[4], inputs[5])
+                }
+                Kind::VsrEncoder => vsr::Encoder::from_weights(weights).forward(inputs[0]),
+                Kind::VsrQuery => vsr::Query::from_weights(weights).forward(&inputs[..5], inputs[5]),
+            }
+        };
+        let mut disturbed = exact.clone();
+        let coordinates = match kind {
+            Kind::MfPifuQuery => Some(4),
+            Kind::VsrQuery => Some(5),
+            Kind::MfPifuEncoder | Kind::VsrEncoder => None,
+        };
+        if let Some(grid) = coordinates {
+            let mut random = ChaCha8Rng::seed_from_u64(2);
+            let rounding =
+                |x: &mut f64| *x += UNIT_ROUNDOFF * (x.abs() + 1.0) * random.random_range(-1.0..1.0);
+            disturbed[grid].data.iter_mut().for_each(rounding);
         }
-        Kind::VsrEncoder => vsr::Encoder::from_weights(weights).forward(inputs[0]),
-        Kind::VsrQuery => vsr::Query::from_weights(weights).forward(&inputs[..5], inputs[5]),
-    })
+        Ok(Self {
+            stages: forward(weights(model, None)?, &exact),
+            disturbed: forward(weights(model, Some(1))?, &disturbed),
+        })
+    }
+
+    /// The noise floor of a stage: the largest change that one rounding per product and coordinate makes, and at least one of the
+    /// stage's largest value.
+    ///
+    /// A weight off by a share of u disturbs its products as their own rounding does, and a coordinate x off by a share of
+    /// u·(|x| + 1) moves a sampled point as the sum x + 1 does that sampling begins with. So this is what f32 can be asked for,
+    /// whatever the weights: the steeper the network, the higher the floor.
+    ///
+    /// # Panics
+    /// When there is no such stage.
+    pub fn noise_floor(&self, stage: &str) -> f64 {
+        let (exact, disturbed) = (&self.stages.get(stage).data, &self.disturbed.get(stage).data);
+        let noise = exact.iter().zip(disturbed).fold(0.0_f64, |a, (x, y)| a.max((x - y).abs()));
+        exact.iter().fold(noise, |a, x| a.max(UNIT_ROUNDOFF * x.abs()))
+    }
+}
+
+/// One stage's agreement.
+#[derive(Clone, Debug)]
+pub struct StageVerdict {
+    /// The stage, which is an output of the graph.
+    pub stage: String,
+    /// Largest |ŷ − y| in units of the stage's noise floor.
+    pub noise: f64,
+    /// The comparison in the recorded tolerance.
+    pub comparison: Comparison,
 }
 
 /// Compares the graph's outputs with the stages of the same names; gives the outputs as well.
@@ -159,20 +210,18 @@ pub fn reference_stages(model: &Model, inputs: &[(&str, &Array)]) -> Result<Stag
 /// When an output is no stage of the reference.
 pub fn judge_stages(
     model: &Model,
-    stages: &Stages,
+    reference: &Reference,
     inputs: &[(&str, &Array)],
     optimization: Optimization,
     tolerance: &Tolerance,
 ) -> Result<(Vec<StageVerdict>, Vec<Found>)> {
     let found = engine::run(model.name(), model.bytes(), optimization, inputs)?;
     let verdicts = model.outputs().into_iter().zip(&found).map(|(stage, found)| {
-        let answer = stages.get(stage);
-        let largest = answer.data.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-        let expected = Expected::within(&answer.shape, answer.data.clone(), tolerance.allowed * largest);
-        let comparison = compare(&expected, found);
-        let relative_error =
-            comparison.report().map_or(f64::INFINITY, |report| report.csu * tolerance.allowed);
-        StageVerdict { stage: stage.to_owned(), relative_error, comparison }
+        let answer = reference.stages.get(stage);
+        let allowed = tolerance.allowed * reference.noise_floor(stage);
+        let comparison = compare(&Expected::within(&answer.shape, answer.data.clone(), allowed), found);
+        let noise = comparison.report().map_or(f64::INFINITY, |report| report.csu * tolerance.allowed);
+        StageVerdict { stage: stage.to_owned(), noise, comparison }
     });
     Ok((verdicts.collect(), found))
 }
