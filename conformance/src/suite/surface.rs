@@ -21,7 +21,7 @@ use crate::problem::values::Values;
 /// A field on a lattice and a level, which is often exactly one of the values.
 #[derive(Clone, Debug)]
 pub struct Volume {
-    /// The field, [x]\[y\]\[z\].
+    /// The field; axes x, y, z, the last one fastest.
     pub values: Array,
     /// The level.
     pub level: f32,
