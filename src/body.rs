@@ -2,22 +2,27 @@
 
 use std::path::Path;
 
+use vitruvian_conformance::convert;
 use vitruvian_reference::body::{BodyModel, mannequin};
 use vitruvian_runtime::file::body;
 
-use crate::failure::Result;
+use crate::failure::{Failure, Result};
 
 /// Reads and checks `path`, or makes the mannequin where none is given.
 pub fn load(path: Option<&Path>) -> Result<BodyModel> {
     let Some(path) = path else { return Ok(mannequin()) };
-    let arrays = body::read(path)?;
-    Ok(BodyModel {
-        v_template: arrays.v_template,
-        faces: arrays.faces,
-        shapedirs: arrays.shapedirs,
-        posedirs: arrays.posedirs,
-        j_regressor: arrays.j_regressor,
-        lbs_weights: arrays.lbs_weights,
-        parents: arrays.parents,
-    })
+    Ok(convert::body_to_reference(body::read(path)?))
+}
+
+/// Like [`load`], for commands that invent poses, which are those of SMPL's 24 joints.
+pub fn load_to_pose(path: Option<&Path>) -> Result<BodyModel> {
+    let body = load(path)?;
+    if body.joint_count() == 24 {
+        return Ok(body);
+    }
+    Err(Failure::Usage(format!(
+        "{}: has {} joints; poses are drawn for SMPL's 24: give a 24-joint body",
+        path.unwrap_or(Path::new("the mannequin")).display(),
+        body.joint_count()
+    )))
 }

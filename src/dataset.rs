@@ -66,7 +66,7 @@ const ANYWHERE: usize = 6_000;
 
 /// Makes the scenes that are not there yet: in parallel, or one after another where networks run.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let body = body::load(arguments.body.as_deref())?;
+    let body = body::load_to_pose(arguments.body.as_deref())?;
     let settings = Settings { seed: arguments.seed, views: arguments.views, size_px: 512 };
     std::fs::create_dir_all(&arguments.out).map_err(|e| Error::io(&arguments.out, e))?;
     let bar = progress::bar("scenes", arguments.count);

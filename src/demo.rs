@@ -30,7 +30,7 @@ pub struct Arguments {
     #[arg(short, long, default_value = "out/demo")]
     out: PathBuf,
     /// Which person, pose, clothes and cameras
-    #[arg(long, default_value_t = 4)]
+    #[arg(long, default_value_t = 8)]
     seed: u64,
     /// Folder of the exported graphs; models/exported here, above, or beside the executable without it
     #[arg(long)]

@@ -7,7 +7,7 @@ use vitruvian_conformance::convert;
 use vitruvian_runtime::capture::{self, BodyTruth, View};
 use vitruvian_runtime::file::keypoints::{JointSet, Keypoints};
 
-use crate::failure::{Failure, Result};
+use crate::failure::Result;
 use crate::synthesis::{Scene, Settings};
 use crate::{body, progress};
 
@@ -36,13 +36,7 @@ pub struct Arguments {
 
 /// Writes the captures, in parallel.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let body = body::load(arguments.body.as_deref())?;
-    if body.joint_count() != 24 {
-        return Err(Failure::Usage(format!(
-            "synthesize draws poses for SMPL's 24 joints, and the body has {}: give a 24-joint body",
-            body.joint_count()
-        )));
-    }
+    let body = body::load_to_pose(arguments.body.as_deref())?;
     let settings =
         Settings { seed: arguments.seed, views: usize::from(arguments.views), size_px: arguments.size };
     let bar = progress::bar("captures", arguments.count);

@@ -4,10 +4,8 @@ use rand::Rng;
 use vitruvian_reference::linalg::vector::{Vector3, cross, normalize, scale};
 use vitruvian_runtime::capture::{Camera, Extrinsics};
 
-/// Names of a ring of four, as seen by a person facing +Z.
-const FOUR: [&str; 4] = ["front", "left", "back", "right"];
-
-/// Draws `views` pinhole cameras on a jittered ring: 360°/N apart ± 8°, raised 0–14°, 3.8–4.4 m from `target`.
+/// Draws `views` pinhole cameras on a jittered ring: 360°/N apart ± 8°, raised 0–14°, 3.8–4.4 m from `target`, named by
+/// where they stand: `yaw_000` at +Z, `yaw_090` at +X. The person faces anywhere.
 ///
 /// The focal length makes 2.2 m fill the picture at that distance, and a camera is moved back until every one of
 /// `points` (world frame, metres) lies inside its picture by a margin of 2 %.
@@ -25,7 +23,7 @@ pub fn random_rig(
             let raised = rng.random_range(0f64..14.0).to_radians();
             let mut distance = rng.random_range(3.8..4.4);
             let aim: Vector3 = std::array::from_fn(|a| target[a] + rng.random_range(-0.03..0.03));
-            let name = if views == 4 { FOUR[k].to_owned() } else { format!("view_{k:02}") };
+            let name = format!("yaw_{:03}", (360.0 * k as f64 / views as f64).round());
             let focal_px = f64::from(size_px) * 4.1 / 2.2;
             loop {
                 let camera = look_at(&name, size_px, focal_px, aim, [yaw, raised, distance]);

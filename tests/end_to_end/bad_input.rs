@@ -35,8 +35,8 @@ fn edit(path: &Path, from: &str, to: &str) {
 #[test]
 fn a_missing_mask() {
     refused(
-        |capture| fs::remove_file(capture.join("masks/left.png")).expect("a mask"),
-        &["camera \"left\"", "masks/left.png is missing"],
+        |capture| fs::remove_file(capture.join("masks/yaw_090.png")).expect("a mask"),
+        &["camera \"yaw_090\"", "masks/yaw_090.png is missing"],
     );
 }
 
@@ -44,23 +44,27 @@ fn a_missing_mask() {
 fn an_image_of_another_size() {
     refused(
         |capture| {
-            picture::write_rgb(&capture.join("images/back.png"), &RgbImage::new(40, 30)).expect("an image");
+            picture::write_rgb(&capture.join("images/yaw_180.png"), &RgbImage::new(40, 30))
+                .expect("an image");
         },
-        &["images/back.png", "40 × 30", "512 × 512"],
+        &["images/yaw_180.png", "40 × 30", "512 × 512"],
     );
 }
 
 #[test]
 fn an_image_that_is_none() {
     refused(
-        |capture| fs::write(capture.join("images/front.png"), "not a picture").expect("an image"),
-        &["images/front.png", "PNG"],
+        |capture| fs::write(capture.join("images/yaw_000.png"), "not a picture").expect("an image"),
+        &["images/yaw_000.png", "PNG"],
     );
 }
 
 #[test]
 fn a_camera_without_intrinsics() {
-    refused(|capture| edit(&capture.join("cameras.json"), "\"K\"", "\"k\""), &["cameras.json", "front", "K"]);
+    refused(
+        |capture| edit(&capture.join("cameras.json"), "\"K\"", "\"k\""),
+        &["cameras.json", "yaw_000", "K"],
+    );
 }
 
 #[test]
@@ -73,12 +77,12 @@ fn a_number_that_is_none_in_the_intrinsics() {
         let end = number + text[number..].find(|c: char| !c.is_ascii_digit() && c != '.').expect("its end");
         fs::write(&path, format!("{}NaN{}", &text[..number], &text[end..])).expect("a writable file");
     };
-    refused(spoil, &["cameras.json", "front", "K"]);
+    refused(spoil, &["cameras.json", "yaw_000", "K"]);
 }
 
 #[test]
 fn a_camera_that_does_not_say_where_it_stands() {
-    refused(|capture| edit(&capture.join("cameras.json"), "\"R\"", "\"r\""), &["front", "R"]);
+    refused(|capture| edit(&capture.join("cameras.json"), "\"R\"", "\"r\""), &["yaw_000", "R"]);
 }
 
 #[test]
@@ -109,7 +113,7 @@ fn one_bad_capture_among_good_ones_stops_before_anything_is_written() {
     let folder = folder();
     let [captures, out] = ["captures", "out"].map(|name| folder.path().join(name));
     vitruvian(&["synthesize", "-o", word(&captures), "--count", "2", "--size", "128"]).done();
-    fs::remove_file(captures.join("0001/masks/front.png")).expect("a mask");
+    fs::remove_file(captures.join("0001/masks/yaw_000.png")).expect("a mask");
     let run = vitruvian(&["reconstruct", word(&captures), "-o", word(&out)]);
     assert!(run.status == 2 && run.err.contains("0001") && !out.exists(), "{run:?}");
 }
