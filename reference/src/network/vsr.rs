@@ -13,7 +13,7 @@
 //! The layout is IF-Net's, the channels the thesis' (erratum E22); occupancy is 1 inside (erratum E17).
 //!
 //! # Conventions
-//! Voxels are indexed [z]\[y\]\[x\] and points given as (x, y, z), because the first coordinate of a grid runs along the last
+//! Voxels are indexed `[z][y][x]` and points given as (x, y, z), because the first coordinate of a grid runs along the last
 //! axis. −1 and 1 are the outer faces of the cube, so cell centre i of D lies at (2i + 1)/D − 1 on every level of
 //! the pyramid (the thesis does not say, erratum E38). Outside the cube the border's features continue.
 //!
