@@ -89,9 +89,9 @@ fn a_camera_that_does_not_say_where_it_stands() {
 fn an_empty_mask() {
     refused(
         |capture| {
-            picture::write_rgb(&capture.join("masks/right.png"), &RgbImage::new(512, 512)).expect("a mask")
+            picture::write_rgb(&capture.join("masks/yaw_270.png"), &RgbImage::new(512, 512)).expect("a mask")
         },
-        &["\"right\"", "mask is empty"],
+        &["\"yaw_270\"", "mask is empty"],
     );
 }
 
