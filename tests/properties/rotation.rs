@@ -1,5 +1,6 @@
 //! Laws of rotations: the exponential, its logarithm, its derivative, and the six-number representation.
 
+use approx::abs_diff_eq;
 use proptest::prelude::*;
 use std::f64::consts::PI;
 use vitruvian_reference::linalg::matrix::{
@@ -39,7 +40,7 @@ proptest! {
     fn rotations_are_orthonormal(v in axis_angle()) {
         let r = rodrigues(v);
         prop_assert!(difference(&mul(&r, &transpose(&r)), &IDENTITY) < 2e-15);
-        prop_assert!((determinant(&r) - 1.0).abs() < 2e-15);
+        prop_assert!(abs_diff_eq!(determinant(&r), 1.0, epsilon = 2e-15));
     }
 
     #[test]
@@ -94,14 +95,14 @@ proptest! {
         prop_assume!(norm(vitruvian_reference::linalg::vector::cross(a, b)) > 1e-3);
         let r = from_six_d(&[stretch * a[0], b[0], stretch * a[1], b[1], stretch * a[2], b[2]]);
         prop_assert!(difference(&mul(&transpose(&r), &r), &IDENTITY) < 1e-12);
-        prop_assert!((determinant(&r) - 1.0).abs() < 1e-12);
+        prop_assert!(abs_diff_eq!(determinant(&r), 1.0, epsilon = 1e-12));
         prop_assert!(distance([r[0][0], r[1][0], r[2][0]], a) < 1e-14, "the first column keeps its direction");
     }
 
     #[test]
     fn angle_between_is_left_invariant(u in axis_angle(), v in axis_angle(), w in axis_angle()) {
         let (u, v, w) = (rodrigues(u), rodrigues(v), rodrigues(w));
-        prop_assert!((angle_between(&mul(&u, &v), &mul(&u, &w)) - angle_between(&v, &w)).abs() < 1e-7);
+        prop_assert!(abs_diff_eq!(angle_between(&mul(&u, &v), &mul(&u, &w)), angle_between(&v, &w), epsilon = 1e-7));
     }
 
     #[test]
@@ -111,7 +112,7 @@ proptest! {
     ) {
         let frobenius = |r: &Matrix3| sub(r, &m).iter().flatten().map(|x| x * x).sum::<f64>();
         let nearest = nearest_rotation(&m);
-        prop_assert!((determinant(&nearest) - 1.0).abs() < 1e-12);
+        prop_assert!(abs_diff_eq!(determinant(&nearest), 1.0, epsilon = 1e-12));
         prop_assert!(frobenius(&nearest) <= frobenius(&rodrigues(v)) + 1e-12);
     }
 }

@@ -1,5 +1,6 @@
 //! Laws of surfaces: what marching cubes, containment, voxels, distances and samples owe each other.
 
+use approx::abs_diff_eq;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use vitruvian_reference::linalg::matrix::{self, Matrix3};
@@ -304,9 +305,9 @@ proptest! {
         let larger = |mesh: &Mesh| mesh.affine(&matrix::diagonal([size; 3]), [0.0; 3]);
         let plain = SurfaceDistance::between(&mesh, &other, 200, 9).unwrap();
         let scaled = SurfaceDistance::between(&larger(&mesh), &larger(&other), 200, 9).unwrap();
-        prop_assert!((scaled.p2s - size * plain.p2s).abs() < 1e-12);
-        prop_assert!((scaled.completeness - size * plain.completeness).abs() < 1e-12);
-        prop_assert!((scaled.chamfer_l2 - size * size * plain.chamfer_l2).abs() < 1e-12);
+        prop_assert!(abs_diff_eq!(scaled.p2s, size * plain.p2s, epsilon = 1e-12));
+        prop_assert!(abs_diff_eq!(scaled.completeness, size * plain.completeness, epsilon = 1e-12));
+        prop_assert!(abs_diff_eq!(scaled.chamfer_l2, size * size * plain.chamfer_l2, epsilon = 1e-12));
         // The mean of squares is at least the square of the mean: the law that erratum E15 rests on.
         prop_assert!(plain.chamfer_l2 >= 0.5 * (plain.p2s.powi(2) + plain.completeness.powi(2)) - 1e-15);
         let overlap = volume_iou(&mesh, &other, 200, 9).unwrap();
@@ -329,7 +330,7 @@ proptest! {
         let aligned: Vec<Vector3> = a.iter().map(|&p| similarity.apply(p)).collect();
         prop_assert!(squares(&aligned) <= squares(&a) + 1e-12);
         // The estimate's own frame does not matter.
-        prop_assert!((pa_mpjpe(&a, &b) - mean_joint_error(&aligned, &b)).abs() < 1e-12);
+        prop_assert!(abs_diff_eq!(pa_mpjpe(&a, &b), mean_joint_error(&aligned, &b), epsilon = 1e-12));
     }
 }
 
