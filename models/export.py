@@ -166,7 +166,7 @@ def weights_of(name: str, size: str, kind: str, checkpoints: pathlib.Path, seed:
     path = checkpoints / f"{name}.pt"
     checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     if checkpoint["size"] != size:
-        raise SystemExit(f"{path} holds a {checkpoint['size']} network, --size {size} needs a {size} one")
+        raise SystemExit(f"{path} holds a {checkpoint['size']} network, --size {size} needs {size}")
     origin = {
         "seed": checkpoint["seed"],
         "training_steps": checkpoint["steps"],
