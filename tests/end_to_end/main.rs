@@ -7,4 +7,5 @@ mod command;
 mod demo;
 mod evaluate;
 mod mesh;
+mod real_body;
 mod reconstruct;
