@@ -65,7 +65,7 @@ def project(scene: dict[str, np.ndarray], points: np.ndarray) -> tuple[Tensor, T
 
 
 def vsr_sample(rng: np.random.Generator, scene: dict[str, np.ndarray], count: int) -> tuple[Tensor, Tensor, Tensor]:
-    """(voxels [1,1,D,D,D] indexed [z][y][x], points [1,count,3], occupancy [1,count]), mirrored at random in x and z."""
+    """(voxels [1,1,D,D,D] indexed [z][y][x], points [1,count,3], occupancy [1,count]), with x and z mirrored and swapped at random."""
     points, occupancy = choose(rng, scene, count)
     side = round((8 * scene["voxels"].size) ** (1 / 3))
     voxels = np.unpackbits(scene["voxels"]).reshape(side, side, side)

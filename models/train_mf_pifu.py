@@ -1,7 +1,7 @@
 """Trains MF-PIFu: mean squared error of the occupancy, RMSprop (Li 2021, chapter 5, section 4; eq. 5.4).
 
 Departures from the thesis, for two processor cores: a step takes `--points` of a scene's 24 000 points rather than
-10 000, the rate falls along a cosine rather than by 0.1 after ten epochs, the encoder runs in bfloat16, a third of the
+10 000, the rate falls along a cosine rather than by 0.1 after ten epochs, forward passes run in bfloat16, a third of the
 points lie closer (σ = 1.5 cm) and a quarter anywhere in the query cube, and scenes are mirrored at random.
 """
 import numpy as np

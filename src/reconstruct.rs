@@ -120,6 +120,14 @@ fn one(
     let done = BodyCapture::reconstruct(capture, &mut networks.reconstructor, options, &mut bars);
     bars.clear();
     let done = done?;
+    for view in done.views.iter().filter(|view| view.cut_off) {
+        eprintln!(
+            "warning: {}: camera \"{}\": its mask reaches the image's border, and what lies beyond counts as outside: \
+             frame the whole body, or leave this view out",
+            capture.display(),
+            view.camera.name
+        );
+    }
     let folder = OutputFolder::begin(out)?;
     write(&folder, capture, &done, options, format, &networks.graphs)?;
     folder.place(&stale(&done, format))?;

@@ -45,6 +45,27 @@ fn a_capture_becomes_a_closed_body_near_the_truth() {
 }
 
 #[test]
+fn a_view_that_cuts_the_body_off_is_named() {
+    let folder = folder();
+    let capture = capture(&folder.path().join("captures"));
+    fs::remove_file(capture.join("mesh.obj")).expect("the truth, which is not needed");
+    let mask = capture.join("masks/yaw_090.png");
+    let mut pixels = image::open(&mask).expect("a mask").into_luma8();
+    // The picture's feet go on to its lower border.
+    let feet =
+        (0..pixels.height()).rev().find(|&y| (0..pixels.width()).any(|x| pixels.get_pixel(x, y).0[0] > 0));
+    let feet = feet.expect("a body");
+    let column = (0..pixels.width()).find(|&x| pixels.get_pixel(x, feet).0[0] > 0).expect("a foot");
+    (feet..pixels.height()).for_each(|y| pixels.put_pixel(column, y, image::Luma([255])));
+    pixels.save(&mask).expect("a writable mask");
+    let out = folder.path().join("out");
+    let words = ["reconstruct", word(&capture), "-o", word(&out), "--resolution", "32", "--no-refine"];
+    let run = vitruvian(&words).done();
+    assert!(run.err.contains("warning") && run.err.contains("\"yaw_090\""), "{}", run.err);
+    assert_eq!(run.err.matches("warning").count(), 1, "the other views are whole: {}", run.err);
+}
+
+#[test]
 fn the_same_seed_gives_the_same_bytes_of_captures_meshes_and_pictures() {
     let folder = folder();
     let runs = ["first", "second"].map(|name| folder.path().join(name));

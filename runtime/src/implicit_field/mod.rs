@@ -70,8 +70,8 @@ pub trait ImplicitField {
         0.0
     }
 
-    /// C, the cells of the coarse lattice along each side. 64 cells are 3 cm of a body, enough for its limbs; a field
-    /// that knows most points to be outside can afford 128, between which nothing of a body hides.
+    /// C, the cells of the coarse lattice along each side. In a cube of 2 m, 64 cells are 3 cm each, which limbs cannot
+    /// pass between; a field that knows most points to be outside can afford 128, and sees specks of half that size.
     fn coarse_cells(&self) -> usize {
         64
     }

@@ -84,8 +84,9 @@ impl Vsr {
     }
 }
 
-/// How far from the coarse body the refined one may reach: within σ_max = 15 cm of the points that VSR learns from, beyond
-/// which it has hardly seen any (erratum E40), and wider than what it mends.
+/// How far along an axis the refined body may lie from the coarse one: inside σ_max = 15 cm of the points that VSR learns
+/// from (erratum E40), and small enough that a body at 256³ is asked for at less than 1/40 of the lattice
+/// (docs/results.md).
 const REACH_M: f64 = 0.10;
 
 /// Voxels with a solid one at most `reach` away along every axis.
