@@ -1,63 +1,7 @@
-//! `vitruvian`: bodies from images, and the proof that the numbers agree.
-//!
-//! Composes the crates and owns no mathematics: one file per subcommand, `synthesis/` for the captures that it makes.
-
-mod body;
-mod dataset;
-mod demo;
-mod evaluate;
-mod failure;
-mod mesh;
-mod mesh_format;
-mod output_folder;
-mod progress;
-mod reconstruct;
-mod synthesis;
-mod synthesize;
-mod table;
-mod voxelize;
+//! The command `vitruvian`.
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
-
-/// 3-D human bodies from images: reconstruct, measure, synthesise.
-///
-/// Results go to files; progress and words to standard error; tables and --json to standard output.
-/// Exit status: 0 done, 1 the verdict is negative, 2 bad input or usage, 3 a needed component is missing.
-#[derive(Parser)]
-#[command(version, max_term_width = 110)]
-struct Arguments {
-    #[command(subcommand)]
-    command: Command,
-}
-
-#[derive(Subcommand)]
-enum Command {
-    Demo(demo::Arguments),
-    Reconstruct(reconstruct::Arguments),
-    Mesh(mesh::Arguments),
-    Voxelize(voxelize::Arguments),
-    Evaluate(evaluate::Arguments),
-    Synthesize(synthesize::Arguments),
-    Dataset(dataset::Arguments),
-}
-
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
-        Command::Demo(arguments) => demo::run(&arguments),
-        Command::Reconstruct(arguments) => reconstruct::run(&arguments),
-        Command::Mesh(arguments) => mesh::run(&arguments),
-        Command::Voxelize(arguments) => voxelize::run(&arguments),
-        Command::Evaluate(arguments) => evaluate::run(&arguments),
-        Command::Synthesize(arguments) => synthesize::run(&arguments),
-        Command::Dataset(arguments) => dataset::run(&arguments),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("error: {failure}");
-            ExitCode::from(failure.exit_status())
-        }
-    }
+    vitruvian::run()
 }
