@@ -7,16 +7,23 @@
 //! 3. [`kinematic_tree`]: global transforms G_j along the tree, and A_j = G_j with the rest joint removed;
 //! 4. [`skinning`]: v_i = Σ_j w_ij A_j v_posed,i + trans.
 //!
+//! [`skeleton`] is the same body without its mesh: joints alone, for fits that see nothing else. [`joint_derivative`] says
+//! how the joints move with pose and shape.
+//!
 //! [`mannequin()`] is a complete model made by arithmetic alone.
 //!
 //! # References
 //! Loper, Mahmood, Romero, Pons-Moll, Black 2015, "SMPL: A Skinned Multi-Person Linear Model"; Li 2021, ch. 2 §2.
 
 pub mod blend_shapes;
+pub mod joint_derivative;
 pub mod kinematic_tree;
 pub mod mannequin;
 pub mod model;
+pub mod skeleton;
 pub mod skinning;
 
+pub use joint_derivative::JointDerivatives;
 pub use mannequin::mannequin;
 pub use model::{BodyModel, Posed};
+pub use skeleton::Skeleton;
