@@ -44,6 +44,7 @@
 //! |---|---|---|
 //! | ch. 2, body model | – (Loper et al. 2015, eq. 1–9) | [`body`], [`rotation`] |
 //! | ch. 2, projection | 2.3 (erratum E7) | [`camera::Pinhole`] |
+//! | ch. 2 and 3, minimisation by Powell's dogleg | – (chumpy's rules) | [`least_squares`] |
 //! | ch. 2, error of joints | 2.7 | [`metric::joints`] |
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |
 //! | ch. 4, camera and rotations of the regressor | – | [`camera::WeakPerspective`], [`rotation::from_six_d`] |
@@ -79,6 +80,7 @@
 
 pub mod body;
 pub mod camera;
+pub mod least_squares;
 pub mod linalg;
 pub mod loss;
 pub mod metric;

@@ -19,18 +19,28 @@ impl Cholesky {
     pub fn factor(a: &Dense) -> Option<Cholesky> {
         let n = a.rows();
         assert!(a.columns() == n, "Cholesky::factor: A is {n}×{}", a.columns());
-        let mut factor = Dense::zeros(n, n);
+        let mut factor = a.clone();
+        let mut column = vec![0.0; n];
         for j in 0..n {
-            for i in j..n {
-                let sum: f64 = (0..j).map(|k| factor[(i, k)] * factor[(j, k)]).sum();
-                let rest = a[(i, j)] - sum;
-                if i > j {
-                    factor[(i, j)] = rest / factor[(j, j)];
-                } else if rest > n as f64 * f64::EPSILON * a[(j, j)] {
-                    factor[(j, j)] = rest.sqrt();
-                } else {
-                    // Also NaN, which compares false.
-                    return None;
+            // The sum over k < j is already subtracted.
+            let pivot = factor[(j, j)];
+            if pivot.is_nan() || pivot <= n as f64 * f64::EPSILON * a[(j, j)] {
+                return None;
+            }
+            let root = pivot.sqrt();
+            factor.row_mut(j)[j] = root;
+            factor.row_mut(j)[j + 1..].fill(0.0);
+            for i in j + 1..n {
+                column[i] = factor[(i, j)] / root;
+                factor[(i, j)] = column[i];
+            }
+            // Subtract the products of column j at once, along rows: contiguous, and independent of each other.
+            for i in j + 1..n {
+                let l_ij = column[i];
+                if l_ij != 0.0 {
+                    for (rest, l_kj) in factor.row_mut(i)[j + 1..=i].iter_mut().zip(&column[j + 1..=i]) {
+                        *rest -= l_ij * l_kj;
+                    }
                 }
             }
         }
@@ -46,12 +56,17 @@ impl Cholesky {
         assert!(b.len() == n, "Cholesky::solve: b has {} numbers, A is {n}×{n}", b.len());
         let mut x = b.to_vec();
         for i in 0..n {
-            let sum: f64 = (0..i).map(|k| self.factor[(i, k)] * x[k]).sum();
-            x[i] = (x[i] - sum) / self.factor[(i, i)];
+            let row = self.factor.row(i);
+            let sum: f64 = row[..i].iter().zip(&x).map(|(l, x)| l * x).sum();
+            x[i] = (x[i] - sum) / row[i];
         }
         for i in (0..n).rev() {
-            let sum: f64 = (i + 1..n).map(|k| self.factor[(k, i)] * x[k]).sum();
-            x[i] = (x[i] - sum) / self.factor[(i, i)];
+            let row = self.factor.row(i);
+            x[i] /= row[i];
+            let x_i = x[i];
+            for (x, l) in x[..i].iter_mut().zip(row) {
+                *x -= l * x_i;
+            }
         }
         x
     }

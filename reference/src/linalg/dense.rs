@@ -76,23 +76,36 @@ impl Dense {
         product
     }
 
+    /// Row `r`, n numbers, to be changed.
+    pub fn row_mut(&mut self, r: usize) -> &mut [f64] {
+        &mut self.data[r * self.columns..(r + 1) * self.columns]
+    }
+
     /// The Gram matrix Aᵀ A, n×n and symmetric: the left-hand side of the normal equations.
+    ///
+    /// A sum of outer products of rows, four rows at a time: each element of the result is then loaded and stored once for
+    /// four products.
     pub fn gram(&self) -> Dense {
-        let mut gram = Dense::zeros(self.columns, self.columns);
-        for r in 0..self.rows {
-            let row = self.row(r);
-            for i in 0..self.columns {
+        let n = self.columns;
+        let mut gram = Dense::zeros(n, n);
+        let zeros = vec![0.0; n];
+        for first in (0..self.rows).step_by(4) {
+            let row = |k: usize| if first + k < self.rows { self.row(first + k) } else { &zeros };
+            let (a, b, c, d) = (row(0), row(1), row(2), row(3));
+            for i in 0..n {
                 // Jacobians of bodies are sparse: a residual depends on few joints.
-                if row[i] != 0.0 {
-                    for j in 0..=i {
-                        gram[(i, j)] += row[i] * row[j];
+                if a[i] != 0.0 || b[i] != 0.0 || c[i] != 0.0 || d[i] != 0.0 {
+                    let sums = &mut gram.data[i * n..i * n + i + 1];
+                    let rows = a.iter().zip(b).zip(c).zip(d);
+                    for (sum, (((aj, bj), cj), dj)) in sums.iter_mut().zip(rows) {
+                        *sum += a[i] * aj + b[i] * bj + c[i] * cj + d[i] * dj;
                     }
                 }
             }
         }
-        for i in 0..self.columns {
+        for i in 0..n {
             for j in 0..i {
-                gram[(j, i)] = gram[(i, j)];
+                gram.data[j * n + i] = gram.data[i * n + j];
             }
         }
         gram
