@@ -80,11 +80,13 @@
 
 pub mod body;
 pub mod camera;
+pub mod fitting;
 pub mod least_squares;
 pub mod linalg;
 pub mod loss;
 pub mod metric;
 pub mod network;
 pub mod nn;
+pub mod robust_loss;
 pub mod rotation;
 pub mod surface;

@@ -47,6 +47,11 @@ impl Cholesky {
         Some(Cholesky { factor })
     }
 
+    /// L, n×n; zero above the diagonal.
+    pub fn lower(&self) -> &Dense {
+        &self.factor
+    }
+
     /// The solution x of A x = b, by L y = b and Lᵀ x = y.
     ///
     /// # Panics
