@@ -8,6 +8,7 @@ pub mod mesh;
 pub mod npy;
 pub mod npz;
 pub mod obj;
+pub mod params;
 pub mod ply;
 
 use std::fs::File;

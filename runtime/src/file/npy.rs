@@ -83,17 +83,20 @@ pub enum Values<'a> {
     U8(&'a [u8]),
     /// `|b1`
     Bool(&'a [bool]),
+    /// `<U`: text, as wide as the longest
+    Text(&'a [String]),
 }
 
 impl Values<'_> {
-    fn description(&self) -> &'static str {
+    fn description(&self) -> String {
         match self {
-            Values::F32(_) => "<f4",
-            Values::F64(_) => "<f8",
-            Values::U32(_) => "<u4",
-            Values::I64(_) => "<i8",
-            Values::U8(_) => "|u1",
-            Values::Bool(_) => "|b1",
+            Values::F32(_) => "<f4".into(),
+            Values::F64(_) => "<f8".into(),
+            Values::U32(_) => "<u4".into(),
+            Values::I64(_) => "<i8".into(),
+            Values::U8(_) => "|u1".into(),
+            Values::Bool(_) => "|b1".into(),
+            Values::Text(v) => format!("<U{}", text_width(v)),
         }
     }
 
@@ -105,6 +108,7 @@ impl Values<'_> {
             Values::I64(v) => v.len(),
             Values::U8(v) => v.len(),
             Values::Bool(v) => v.len(),
+            Values::Text(v) => v.len(),
         }
     }
 
@@ -116,8 +120,20 @@ impl Values<'_> {
             Values::I64(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Values::U8(v) => v.to_vec(),
             Values::Bool(v) => v.iter().map(|&x| u8::from(x)).collect(),
+            Values::Text(v) => {
+                let padded = |text: &String| {
+                    let code_points = text.chars().map(u32::from).chain(std::iter::repeat(0));
+                    code_points.take(text_width(v)).flat_map(u32::to_le_bytes).collect::<Vec<u8>>()
+                };
+                v.iter().flat_map(padded).collect()
+            }
         }
     }
+}
+
+/// The code points of the longest text; NumPy has no text of width 0.
+fn text_width(texts: &[String]) -> usize {
+    texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1)
 }
 
 /// Reads the array of `path`, converted to `T`.
@@ -187,16 +203,44 @@ pub fn parse<T: Element>(bytes: &[u8]) -> std::result::Result<Array<T>, String> 
     };
     let shape = shape(entry(header, "shape")?)?;
     let (size, decode) = decoder::<T>(description)?;
-    let declared = shape.iter().try_fold(size, |n, &axis| n.checked_mul(axis));
-    if declared != Some(data.len()) {
-        return Err(format!(
-            "its header declares {shape:?} values of {size} bytes, but {} bytes of data follow: it is truncated or damaged",
-            data.len()
-        ));
-    }
+    check_size(&shape, size, data)?;
     let values: Vec<T> = data.chunks_exact(size).map(decode).collect();
     let values = if fortran && shape.len() > 1 { to_c_order(&values, &shape) } else { values };
     Ok(Array { shape, values })
+}
+
+/// Reads a list of texts (`<U`) from the bytes of a `.npy` with one axis.
+///
+/// # Errors
+/// One sentence: what was found and what was expected.
+pub fn parse_texts(bytes: &[u8]) -> std::result::Result<Vec<String>, String> {
+    let (header, data) = split(bytes)?;
+    let description = entry(header, "descr")?.trim_matches(['\'', '"']);
+    let width: Option<usize> = description.strip_prefix("<U").and_then(|n| n.parse().ok());
+    let size = width.and_then(|n| n.checked_mul(4)).filter(|&size| size > 0);
+    let size = size.ok_or_else(|| format!("holds values of type '{description}'; expected texts (<U)"))?;
+    let shape = shape(entry(header, "shape")?)?;
+    check_size(&shape, size, data)?;
+    if shape.len() != 1 {
+        return Err(format!("has the shape {shape:?}, expected [any]"));
+    }
+    let text = |bytes: &[u8]| -> Option<String> {
+        let code_points = bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        code_points.take_while(|&c| c != 0).map(char::from_u32).collect()
+    };
+    let texts: Option<Vec<String>> = data.chunks_exact(size).map(text).collect();
+    texts.ok_or_else(|| "holds a text with something that is no code point of Unicode".into())
+}
+
+fn check_size(shape: &[usize], size: usize, data: &[u8]) -> std::result::Result<(), String> {
+    let declared = shape.iter().try_fold(size, |n, &axis| n.checked_mul(axis));
+    if declared == Some(data.len()) {
+        return Ok(());
+    }
+    Err(format!(
+        "its header declares {shape:?} values of {size} bytes, but {} bytes of data follow: it is truncated or damaged",
+        data.len()
+    ))
 }
 
 fn split(bytes: &[u8]) -> std::result::Result<(&str, &[u8]), String> {
@@ -343,6 +387,19 @@ mod tests {
     }
 
     #[test]
+    fn texts_are_padded_to_the_longest_and_come_back() {
+        for texts in [vec!["front", "später", ""], vec![""], vec![]] {
+            let texts: Vec<String> = texts.into_iter().map(str::to_owned).collect();
+            assert_eq!(parse_texts(&encode(&[texts.len()], Values::Text(&texts))).unwrap(), texts);
+        }
+        let bytes = encode(&[1], Values::Text(&["ab".into()]));
+        assert!(bytes.ends_with(b"a\0\0\0b\0\0\0"));
+        assert!(parse::<f64>(&bytes).unwrap_err().contains("<U2"));
+        assert!(parse_texts(&bytes[..bytes.len() - 1]).unwrap_err().contains("truncated"));
+        assert!(parse_texts(&encode(&[1], Values::F64(&[0.0]))).unwrap_err().contains("expected texts"));
+    }
+
+    #[test]
     fn a_header_that_declares_more_than_there_is_is_refused_without_reserving_it() {
         for shape in ["(2, 4)", "(9223372036854775807, 9223372036854775807)", "(1000000000000,)", "(-2, 3)"] {
             let text = String::from_utf8_lossy(&fortran_2x3()[10..128]).replace("(2, 3)", shape);
@@ -374,6 +431,7 @@ mod tests {
             let mut bytes = fortran_2x3();
             bytes[at] = to;
             let _ = parse::<f64>(&bytes);
+            let _ = parse_texts(&bytes);
             bytes.truncate(cut);
             let _ = parse::<f32>(&bytes);
         }

@@ -43,6 +43,22 @@ impl Npz {
     /// # Errors
     /// There is no such array (the message lists those there are), or it is damaged or no array of numbers.
     pub fn array<T: Element>(&mut self, name: &str) -> Result<Array<T>> {
+        self.parsed(name, npy::parse)
+    }
+
+    /// The list of texts `name`.
+    ///
+    /// # Errors
+    /// As [`Npz::array`], for texts.
+    pub fn texts(&mut self, name: &str) -> Result<Vec<String>> {
+        self.parsed(name, npy::parse_texts)
+    }
+
+    fn parsed<A>(
+        &mut self,
+        name: &str,
+        parse: impl Fn(&[u8]) -> std::result::Result<A, String>,
+    ) -> Result<A> {
         let fail = |message: String| Error::file(&self.path, format!("array \"{name}\" {message}"));
         let Some(index) = self.archive.index_for_name(&format!("{name}.npy")) else {
             return Err(fail(format!("is missing; the file holds {}", self.names().join(", "))));
@@ -57,7 +73,7 @@ impl Npz {
         if bytes.len() as u64 > npy::MAX_BYTES {
             return Err(fail(format!("unpacks to more than {} bytes", npy::MAX_BYTES)));
         }
-        npy::parse(&bytes).map_err(fail)
+        parse(&bytes).map_err(fail)
     }
 
     /// The array `name` if its shape is `expected`, where `None` stands for any length.
