@@ -8,7 +8,7 @@
 //! 4. [`skinning`]: v_i = Σ_j w_ij A_j v_posed,i + trans.
 //!
 //! [`skeleton`] is the same body without its mesh: joints alone, for fits that see nothing else. [`joint_derivative`] says
-//! how the joints move with pose and shape.
+//! how the joints move with pose and shape, [`hinge`] which way elbows and knees bend.
 //!
 //! [`mannequin()`] is a complete model made by arithmetic alone.
 //!
@@ -16,6 +16,7 @@
 //! Loper, Mahmood, Romero, Pons-Moll, Black 2015, "SMPL: A Skinned Multi-Person Linear Model"; Li 2021, ch. 2 §2.
 
 pub mod blend_shapes;
+pub mod hinge;
 pub mod joint_derivative;
 pub mod kinematic_tree;
 pub mod mannequin;
@@ -23,6 +24,7 @@ pub mod model;
 pub mod skeleton;
 pub mod skinning;
 
+pub use hinge::Hinge;
 pub use joint_derivative::JointDerivatives;
 pub use mannequin::mannequin;
 pub use model::{BodyModel, Posed};

@@ -114,12 +114,39 @@ impl BodyModel {
     /// assert_eq!(posed.vertices.len(), body.v_template.len());
     /// ```
     pub fn pose(&self, pose: &[f64], betas: &[f64], trans: Vector3) -> Posed {
+        self.pose_with_offsets(pose, betas, &[], trans)
+    }
+
+    /// The same with every rest vertex displaced by its offset D_i: clothes, hair, whatever no beta describes.
+    ///
+    /// v_i = Σ_j w_ij A_j(θ, J(β)) \[t̄_i + B_S(β)_i + D_i + B_P(θ)_i\] + trans.
+    ///
+    /// `offsets` V×3 metres in the frame of the rest pose, or empty for none. The joints come from β alone: cloth does
+    /// not move the skeleton.
+    ///
+    /// # Panics
+    /// As [`BodyModel::pose`], or if there are offsets but not V of them.
+    ///
+    /// # References
+    /// Li 2021, ch. 3 §3.3 (erratum E11); Alldieck, Magnor, Xu, Theobalt, Pons-Moll 2018, "Video Based Reconstruction of 3D
+    /// People Models".
+    pub fn pose_with_offsets(
+        &self,
+        pose: &[f64],
+        betas: &[f64],
+        offsets: &[Vector3],
+        trans: Vector3,
+    ) -> Posed {
         self.assert_consistent();
         let j = self.joint_count();
         assert!(pose.len() == 3 * j, "BodyModel::pose: pose has {} numbers, 3J = {}", pose.len(), 3 * j);
+        self.assert_offsets(offsets);
 
-        let v_shaped = shape_blend(&self.v_template, &self.shapedirs, betas);
+        let mut v_shaped = shape_blend(&self.v_template, &self.shapedirs, betas);
         let rest_joints = regress_joints(&self.j_regressor, &v_shaped);
+        for (v, offset) in v_shaped.iter_mut().zip(offsets) {
+            *v = add(*v, *offset);
+        }
 
         let rotations: Vec<_> = pose.chunks_exact(3).map(|v| rodrigues([v[0], v[1], v[2]])).collect();
         let rest_pose = pose_blend(v_shaped, &self.posedirs, &pose_feature(&rotations));
@@ -132,6 +159,16 @@ impl BodyModel {
             vertices: skinned.into_iter().map(|v| add(v, trans)).collect(),
             joints: global.iter().map(|g| add(g.translation, trans)).collect(),
         }
+    }
+
+    /// Panics unless there is one offset for every vertex, or none at all.
+    pub(super) fn assert_offsets(&self, offsets: &[Vector3]) {
+        assert!(
+            offsets.is_empty() || offsets.len() == self.vertex_count(),
+            "BodyModel: {} offsets, V = {}",
+            offsets.len(),
+            self.vertex_count()
+        );
     }
 
     /// The rest joints of shape `betas`, J×3 metres: J_regressor · (v_template + B_S(β)).
@@ -181,6 +218,23 @@ mod tests {
         body.posedirs[(3 * 2 + 1) * 9] = -1.0;
         let posed = body.pose(&[0.0, 0.0, 0.0, 0.0, 0.0, FRAC_PI_2], &[], [0.0; 3]);
         assert!(distance(posed.vertices[2], [0.0, 1.0, 0.0]) < 1e-15, "{:?}", posed.vertices);
+    }
+
+    #[test]
+    fn offsets_act_in_the_rest_frame_and_leave_the_joints() {
+        let (body, pose) = (two_bones(), [0.0, 0.0, FRAC_PI_2, 0.0, 0.0, FRAC_PI_2]);
+        let (bare, offset) = (body.pose(&pose, &[0.5], [0.0; 3]), [0.1, 0.02, 0.3]);
+        let clothed = body.pose_with_offsets(&pose, &[0.5], &[[0.0; 3], [0.0; 3], offset], [0.0; 3]);
+        assert_eq!(clothed.joints, bare.joints);
+        assert_eq!(clothed.vertices[..2], bare.vertices[..2]);
+        // The last vertex belongs to the second bone, which two quarter turns about z have turned round.
+        assert!(distance(clothed.vertices[2], add(bare.vertices[2], [-0.1, -0.02, 0.3])) < 1e-15);
+    }
+
+    #[test]
+    #[should_panic(expected = "2 offsets, V = 3")]
+    fn wrong_number_of_offsets_is_refused() {
+        two_bones().pose_with_offsets(&[0.0; 6], &[], &[[0.0; 3]; 2], [0.0; 3]);
     }
 
     #[test]
