@@ -46,6 +46,8 @@
 //! | ch. 2, projection | 2.3 (erratum E7) | [`camera::Pinhole`] |
 //! | ch. 2 and 3, minimisation by Powell's dogleg | – (chumpy's rules) | [`least_squares`] |
 //! | ch. 2, error of joints | 2.7 | [`metric::joints`] |
+//! | ch. 3, rays and outlines | 3.5–3.8 | [`plucker`], [`silhouette`] |
+//! | ch. 3, smoothness of offsets | 3.9 | [`surface::laplacian`] |
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |
 //! | ch. 4, camera and rotations of the regressor | – | [`camera::WeakPerspective`], [`rotation::from_six_d`] |
 //! | ch. 4, MPJPE, reconstruction error, PCK, AUC | – | [`metric::joints`], [`metric::procrustes`] |
@@ -87,6 +89,8 @@ pub mod loss;
 pub mod metric;
 pub mod network;
 pub mod nn;
+pub mod plucker;
 pub mod robust_loss;
 pub mod rotation;
+pub mod silhouette;
 pub mod surface;

@@ -5,6 +5,8 @@
 //! | [`mesh`] | area, volume, normals, affine images |
 //! | [`bounding_box`] | the smallest box around points |
 //! | [`topology`] | closed? one piece? which Euler characteristic? |
+//! | [`edges`] | which two faces every edge joins |
+//! | [`laplacian`] | how much a field over the mesh differs from its surroundings (Li 2021, eq. 3.9) |
 //! | [`distance`] | the nearest point of a triangle |
 //! | [`aabb_tree`] | the nearest point of a whole surface |
 //! | [`sampling`] | random points of a surface or a box |
@@ -19,7 +21,9 @@ pub mod aabb_tree;
 pub mod bounding_box;
 pub mod cube;
 pub mod distance;
+pub mod edges;
 pub mod inside;
+pub mod laplacian;
 pub mod marching_cubes;
 pub mod marching_cubes_tables;
 pub mod mesh;
