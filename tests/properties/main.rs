@@ -3,4 +3,5 @@
 mod body;
 mod nn;
 mod rotation;
+mod silhouette;
 mod surface;
