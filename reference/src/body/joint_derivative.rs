@@ -64,7 +64,7 @@ impl Skeleton {
         for (rows, &j) in by_pose.chunks_exact_mut(3 * width).zip(chosen) {
             let mut ancestor = self.parents[j];
             while let Some(k) = ancestor {
-                posed.write_turns(k, sub(posed.joint(j), posed.joint(k)), rows);
+                posed.add_turns(k, sub(posed.joint(j), posed.joint(k)), rows);
                 ancestor = self.parents[k];
             }
         }
@@ -85,7 +85,8 @@ impl Skeleton {
         self.assert_pose(pose);
         let vectors = || pose.chunks_exact(3).map(|v| [v[0], v[1], v[2]]);
         let rotations: Vec<Matrix3> = vectors().map(rodrigues).collect();
-        let global = global_transforms(&rotations, &self.rest_joints(betas), &self.parents);
+        let rest_joints = self.rest_joints(betas);
+        let global = global_transforms(&rotations, &rest_joints, &self.parents);
         let axes = vectors()
             .zip(&self.parents)
             .map(|(v, parent)| match parent {
@@ -93,7 +94,7 @@ impl Skeleton {
                 Some(p) => mul(&global[*p].rotation, &left_jacobian(v)),
             })
             .collect();
-        Turning { skeleton: self, global, axes }
+        Turning { skeleton: self, rest_joints, rotations, global, axes }
     }
 }
 
@@ -101,6 +102,10 @@ impl Skeleton {
 #[derive(Clone, Debug)]
 pub(super) struct Turning<'a> {
     pub skeleton: &'a Skeleton,
+    /// J(β).
+    pub rest_joints: Vec<Vector3>,
+    /// exp(θ_k).
+    pub rotations: Vec<Matrix3>,
     /// G_k.
     pub global: Vec<Rigid>,
     /// \[ω_{k,0} ω_{k,1} ω_{k,2}\], in columns.
@@ -113,13 +118,13 @@ impl Turning<'_> {
         self.global[j].translation
     }
 
-    /// Writes ω_{k,i} × arm into the columns 3k + i of three rows of 3J numbers.
-    pub fn write_turns(&self, k: usize, arm: Vector3, rows: &mut [f64]) {
+    /// Adds ω_{k,i} × arm to the columns 3k + i of three rows of 3J numbers.
+    pub fn add_turns(&self, k: usize, arm: Vector3, rows: &mut [f64]) {
         let width = rows.len() / 3;
         for i in 0..3 {
             let moved = cross(column(&self.axes[k], i), arm);
             for axis in 0..3 {
-                rows[axis * width + 3 * k + i] = moved[axis];
+                rows[axis * width + 3 * k + i] += moved[axis];
             }
         }
     }

@@ -9,6 +9,8 @@
 //!
 //! [`skeleton`] is the same body without its mesh: joints alone, for fits that see nothing else. [`joint_derivative`] says
 //! how the joints move with pose and shape, [`hinge`] which way elbows and knees bend.
+//! [`posed_body`] asks single vertices instead of all: where they are, how they move ([`vertex_derivative`]), and what point
+//! of the rest pose would be where a point of the world is ([`unposing`]).
 //!
 //! [`mannequin()`] is a complete model made by arithmetic alone.
 //!
@@ -21,11 +23,16 @@ pub mod joint_derivative;
 pub mod kinematic_tree;
 pub mod mannequin;
 pub mod model;
+pub mod posed_body;
 pub mod skeleton;
 pub mod skinning;
+pub mod unposing;
+pub mod vertex_derivative;
 
 pub use hinge::Hinge;
 pub use joint_derivative::JointDerivatives;
 pub use mannequin::mannequin;
 pub use model::{BodyModel, Posed};
+pub use posed_body::PosedBody;
 pub use skeleton::Skeleton;
+pub use vertex_derivative::VertexDerivatives;
