@@ -15,6 +15,9 @@
 //! | [`problem`] | what the caller gives: residuals and a Jacobian |
 //! | [`dogleg`] | Powell's method, with the rules of chumpy |
 //! | [`termination`] | every way in which it ends |
+//! | [`sparse_jacobian`] | Gauss–Newton steps where J is mostly zeros |
+//! | [`finite_difference`] | is the Jacobian the derivative of the residuals? |
+//! | [`adam`] | first-order descent, for energies that are no sum of squares |
 //!
 //! ```
 //! use vitruvian_reference::{least_squares::{Dogleg, Problem}, linalg::dense::Dense};
@@ -37,10 +40,14 @@
 //! assert!((solution.x[0] - 1.0).abs() < 1e-12 && (solution.x[1] - 1.0).abs() < 1e-12);
 //! ```
 
+pub mod adam;
 pub mod dogleg;
+pub mod finite_difference;
 pub mod problem;
+pub mod sparse_jacobian;
 pub mod termination;
 
 pub use dogleg::{Dogleg, Solution, StepKind, Trial};
 pub use problem::{Jacobian, Problem};
+pub use sparse_jacobian::{NormalEquations, SparseJacobian};
 pub use termination::Termination;
