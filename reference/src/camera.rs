@@ -5,7 +5,7 @@
 //! (j + ½, i + ½); calibrations that put integers at pixel centres have ½ to add to their principal point.
 
 use crate::linalg::matrix::{Matrix3, apply, apply_transposed, mul};
-use crate::linalg::vector::{Vector3, add, negate};
+use crate::linalg::vector::{Vector3, add, negate, sub};
 use crate::rotation::skew;
 
 /// A 2×3 matrix: the derivative of two coordinates with respect to three.
@@ -80,6 +80,22 @@ impl Pinhole {
         })
     }
 
+    /// The world point at depth Z that projects onto a pixel: the inverse of [`Pinhole::project`]; `None` where the lens model has
+    /// no inverse that Newton's method finds (far outside of a strongly distorted image).
+    ///
+    /// X = Rᵀ (Z·(x, y, 1) − t), where (x, y) is the ideal ray that the lens bends to ((u − c_x)/f_x, (v − c_y)/f_y).
+    ///
+    /// ```
+    /// let camera = vitruvian_reference::camera::Pinhole::ideal(500.0, [320.0, 240.0]);
+    /// assert_eq!(camera.unproject([345.0, 190.0], 2.0), Some([0.1, -0.2, 2.0]));
+    /// ```
+    pub fn unproject(&self, pixel_px: [f64; 2], depth_m: f64) -> Option<Vector3> {
+        let bent = std::array::from_fn(|i| (pixel_px[i] - self.principal_px[i]) / self.focal_px[i]);
+        let [x, y] = undistort(&self.distortion, bent)?;
+        let in_camera = [x * depth_m, y * depth_m, depth_m];
+        Some(apply_transposed(&self.rotation, sub(in_camera, self.translation)))
+    }
+
     /// The derivatives of [`Pinhole::project`], or `None` where the point is not in front of the camera.
     ///
     /// With D the 2×2 derivative of the distortion and ∂(x, y)/∂X_c = \[1/Z, 0, −X/Z²; 0, 1/Z, −Y/Z²\]:
@@ -123,6 +139,26 @@ pub fn distort(coefficients: &[f64; 5], [x, y]: [f64; 2]) -> [f64; 2] {
         x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
         y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
     ]
+}
+
+/// The ideal ray (x, y) that [`distort`] takes to (x′, y′), by Newton's method from (x′, y′); `None` if it does not settle.
+pub fn undistort(coefficients: &[f64; 5], bent: [f64; 2]) -> Option<[f64; 2]> {
+    let mut ideal = bent;
+    // A lens is nearly the identity: three or four steps, twice as many near the rim of a wide angle.
+    for _ in 0..20 {
+        let at = distort(coefficients, ideal);
+        let miss = [bent[0] - at[0], bent[1] - at[1]];
+        if miss[0].abs().max(miss[1].abs()) <= 4.0 * f64::EPSILON * bent[0].abs().max(bent[1].abs()) {
+            return Some(ideal);
+        }
+        let [[a, b], [c, d]] = distort_derivative(coefficients, ideal);
+        let det = a * d - b * c;
+        ideal[0] += (d * miss[0] - b * miss[1]) / det;
+        ideal[1] += (a * miss[1] - c * miss[0]) / det;
+    }
+    let at = distort(coefficients, ideal);
+    let settled = (at[0] - bent[0]).abs().max((at[1] - bent[1]).abs()) < 1e-12;
+    settled.then_some(ideal)
 }
 
 /// The 2×2 derivative of [`distort`] with respect to (x, y), row-major; symmetric.
@@ -253,6 +289,16 @@ mod tests {
         let [x, y] = distort(&[0.1, 0.2, 0.01, 0.02, 0.4], [0.3, 0.4]);
         assert!((x - (0.313125 + 0.0024 + 0.0086)).abs() < 1e-15, "{x}");
         assert!((y - (0.4175 + 0.0057 + 0.0048)).abs() < 1e-15, "{y}");
+    }
+
+    #[test]
+    fn unprojecting_inverts_projecting() {
+        let pixel = camera().project(POINT).expect("in front");
+        let depth = camera().to_camera(POINT)[2];
+        let back = camera().unproject(pixel, depth).expect("an inverse");
+        assert!(distance(back, POINT) < 1e-14, "{back:?}");
+        // 1 − 0.21 r² + … folds back before r = 5: no ray ends there.
+        assert_eq!(undistort(&[-0.21, 0.0, 0.0, 0.0, 0.0], [5.0, 0.0]), None);
     }
 
     #[test]

@@ -21,6 +21,7 @@ pub mod observation;
 pub mod presets;
 pub mod prior;
 pub mod result;
+pub mod silhouette;
 
 pub use keypoint_set::KeypointSet;
 pub use observation::{Extrinsics, Keypoint, Observation, Refusal, View};

@@ -80,7 +80,7 @@ mod tests {
     fn laplacian_of_positions_is_the_curvature_normal() {
         // At a corner of a cube the three sides pull inwards alike.
         let cube = cuboid([1.0; 3]);
-        let mut sums = vec![ZERO; 8];
+        let mut sums = [ZERO; 8];
         for (i, j, w) in cotangent_laplacian(&cube.vertices, &cube.faces) {
             sums[i] = add_scaled(sums[i], cube.vertices[j], w);
         }

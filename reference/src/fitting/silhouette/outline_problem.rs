@@ -1,0 +1,261 @@
+//! Pose, shape and translation from outlines and keypoints: one round of our extension of chapter 3.
+//!
+//! ```text
+//! E(θ, β, t) = Σ ρ(n·(Π(s(θ, β, t)) − c))/σ_c² + Σ ‖w (Π(J(θ, β, t)) − k)‖²/σ_k² + ‖θ − θ₀‖²/σ_θ² + ‖β‖²
+//! ```
+//!
+//! c is a point of a mask's outline with the normal n, s the point of the body's outline that belongs to it, k a keypoint.
+//! Every term is in standard deviations, so that E is twice the negative logarithm of a probability. Only the distance
+//! *along the normal* counts: where along the outline a vertex lies is not in the picture. Keypoints alone leave the turn of
+//! limbs about their axes and much of the shape open; seven hundred outline points a view, each good to half a pixel, do not.
+//!
+//! s lies on an edge of the body's outline, at a fixed fraction between its ends within the round; both ends move exactly.
+
+use crate::body::BodyModel;
+use crate::body::skeleton::Skeleton;
+use crate::camera::Pinhole;
+use crate::fitting::keypoint_set::BodyPoint;
+use crate::least_squares::Problem;
+use crate::linalg::dense::Dense;
+use crate::linalg::vector::{Vector3, ZERO, add};
+use crate::robust_loss;
+
+/// A point of the body's outline and the point of the mask's outline that it belongs to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutlinePair {
+    /// The view.
+    pub view: usize,
+    /// The ends of the edge.
+    pub vertices: [u32; 2],
+    /// How far from the first to the second, 0…1.
+    pub fraction: f64,
+    /// c.
+    pub pixel_px: [f64; 2],
+    /// n.
+    pub normal: [f64; 2],
+    /// How many contour points it counts for, squared residuals.
+    pub count: f64,
+}
+
+/// A keypoint in a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeypointPair {
+    /// The view.
+    pub view: usize,
+    /// Where it lies on the body.
+    pub point: BodyPoint,
+    /// k.
+    pub pixel_px: [f64; 2],
+    /// w: base weight times confidence.
+    pub weight: f64,
+}
+
+/// The standard deviations of the terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sigmas {
+    /// σ_c, pixels.
+    pub contour_px: f64,
+    /// Of ρ, pixels: contour points further off lose their say.
+    pub robust_px: f64,
+    /// σ_k, pixels.
+    pub keypoint_px: f64,
+    /// σ_θ, radians; the root is free.
+    pub pose_rad: f64,
+}
+
+/// One round's problem; x is θ (3J), β (B), t (3).
+pub struct OutlineProblem<'a> {
+    /// The body.
+    pub body: &'a BodyModel,
+    /// Its skeleton.
+    pub skeleton: &'a Skeleton,
+    /// The cameras of the views.
+    pub cameras: &'a [Pinhole],
+    /// The offsets, which stay.
+    pub offsets: &'a [Vector3],
+    /// The outline pairs.
+    pub outline: &'a [OutlinePair],
+    /// The keypoints.
+    pub keypoints: &'a [KeypointPair],
+    /// θ₀.
+    pub prior_pose: &'a [f64],
+    /// The standard deviations.
+    pub sigmas: Sigmas,
+    /// The vertices in use, ascending, and the place of every vertex among them.
+    chosen: Vec<u32>,
+    slots: Vec<u32>,
+}
+
+impl<'a> OutlineProblem<'a> {
+    /// The problem of these pairs.
+    pub fn new(
+        body: &'a BodyModel,
+        skeleton: &'a Skeleton,
+        cameras: &'a [Pinhole],
+        offsets: &'a [Vector3],
+        outline: &'a [OutlinePair],
+        keypoints: &'a [KeypointPair],
+        prior_pose: &'a [f64],
+        sigmas: Sigmas,
+    ) -> OutlineProblem<'a> {
+        let mut slots = vec![u32::MAX; body.vertex_count()];
+        let mut chosen: Vec<u32> = outline.iter().flat_map(|pair| pair.vertices).collect();
+        chosen.extend(keypoints.iter().filter_map(|pair| match pair.point {
+            BodyPoint::Vertex(vertex) => Some(vertex as u32),
+            BodyPoint::Joints(_) => None,
+        }));
+        chosen.sort_unstable();
+        chosen.dedup();
+        for (slot, vertex) in chosen.iter().enumerate() {
+            slots[*vertex as usize] = slot as u32;
+        }
+        OutlineProblem {
+            body,
+            skeleton,
+            cameras,
+            offsets,
+            outline,
+            keypoints,
+            prior_pose,
+            sigmas,
+            chosen,
+            slots,
+        }
+    }
+
+    fn split<'x>(&self, x: &'x [f64]) -> (&'x [f64], &'x [f64], Vector3) {
+        let (pose, rest) = x.split_at(self.prior_pose.len());
+        let (betas, trans) = rest.split_at(rest.len() - 3);
+        (pose, betas, [trans[0], trans[1], trans[2]])
+    }
+
+    fn slot(&self, vertex: u32) -> usize {
+        self.slots[vertex as usize] as usize
+    }
+
+    /// The distance along the normal, pixels.
+    fn miss(&self, pair: &OutlinePair, places: &[Vector3]) -> Option<f64> {
+        let camera = &self.cameras[pair.view];
+        let [a, b] = pair.vertices.map(|vertex| camera.project(places[self.slot(vertex)]));
+        let (a, b) = (a?, b?);
+        let along =
+            |axis: usize| (1.0 - pair.fraction) * a[axis] + pair.fraction * b[axis] - pair.pixel_px[axis];
+        Some(pair.normal[0] * along(0) + pair.normal[1] * along(1))
+    }
+
+    fn keypoint(&self, point: &BodyPoint, joints: &[Vector3], places: &[Vector3]) -> Vector3 {
+        match point {
+            BodyPoint::Joints(weights) => weights
+                .iter()
+                .fold(ZERO, |sum, (j, w)| crate::linalg::vector::add_scaled(sum, joints[*j], *w)),
+            BodyPoint::Vertex(vertex) => places[self.slot(*vertex as u32)],
+        }
+    }
+
+    fn joints(&self, pose: &[f64], betas: &[f64], trans: Vector3) -> Vec<Vector3> {
+        self.skeleton.posed_joints(pose, betas).into_iter().map(|joint| add(joint, trans)).collect()
+    }
+}
+
+impl Problem for OutlineProblem<'_> {
+    type Jacobian = Dense;
+
+    fn residuals(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let (pose, betas, trans) = self.split(x);
+        let posed = self.body.at_pose(self.skeleton, pose, betas, self.offsets, trans);
+        let places: Vec<Vector3> = self.chosen.iter().map(|&v| posed.position(v as usize)).collect();
+        let joints = self.joints(pose, betas, trans);
+        let mut r = Vec::with_capacity(self.outline.len() + 2 * self.keypoints.len() + x.len());
+        for pair in self.outline {
+            let miss = robust_loss::residual(self.miss(pair, &places)?, self.sigmas.robust_px);
+            r.push(pair.count.sqrt() / self.sigmas.contour_px * miss);
+        }
+        for pair in self.keypoints {
+            let [u, v] = self.cameras[pair.view].project(self.keypoint(&pair.point, &joints, &places))?;
+            let weight = pair.weight / self.sigmas.keypoint_px;
+            r.extend([weight * (u - pair.pixel_px[0]), weight * (v - pair.pixel_px[1])]);
+        }
+        r.extend(pose.iter().zip(self.prior_pose).skip(3).map(|(t, t0)| (t - t0) / self.sigmas.pose_rad));
+        r.extend(betas);
+        Some(r)
+    }
+
+    fn jacobian(&self, x: &[f64]) -> Dense {
+        let (pose, betas, trans) = self.split(x);
+        let posed = self.body.at_pose(self.skeleton, pose, betas, self.offsets, trans);
+        let (p, b, n) = (pose.len(), betas.len(), x.len());
+        // Every chosen vertex: its place and its derivative by x, 3×n.
+        let mut places = Vec::with_capacity(self.chosen.len());
+        let mut derivatives = vec![0.0; 3 * n * self.chosen.len()];
+        let (mut by_pose, mut by_betas) = (vec![0.0; 3 * p], vec![0.0; 3 * b]);
+        for (&vertex, into) in self.chosen.iter().zip(derivatives.chunks_exact_mut(3 * n)) {
+            posed.by_pose(vertex as usize, &mut by_pose);
+            posed.by_betas(vertex as usize, &mut by_betas);
+            for axis in 0..3 {
+                let row = &mut into[axis * n..(axis + 1) * n];
+                row[..p].copy_from_slice(&by_pose[axis * p..(axis + 1) * p]);
+                row[p..p + b].copy_from_slice(&by_betas[axis * b..(axis + 1) * b]);
+                row[p + b + axis] = 1.0;
+            }
+            places.push(posed.position(vertex as usize));
+        }
+        let joints = self.joints(pose, betas, trans);
+        let of_joints = self.skeleton.joint_derivatives(pose, betas);
+
+        let rows = self.outline.len() + 2 * self.keypoints.len() + (p - 3) + b;
+        let mut jacobian = vec![0.0; rows * n];
+        let mut next = jacobian.chunks_exact_mut(n);
+        for pair in self.outline {
+            let row = next.next().expect("a row for every pair");
+            let Some(miss) = self.miss(pair, &places) else { continue };
+            let slope = pair.count.sqrt() / self.sigmas.contour_px
+                * robust_loss::residual_derivative(miss, self.sigmas.robust_px);
+            for (end, share) in [1.0 - pair.fraction, pair.fraction].into_iter().enumerate() {
+                let slot = self.slot(pair.vertices[end]);
+                let Some(pixel) = self.cameras[pair.view].project_derivative(places[slot]) else { continue };
+                for axis in 0..3 {
+                    let along = pair.normal[0] * pixel.point[0][axis] + pair.normal[1] * pixel.point[1][axis];
+                    let from = &derivatives[(3 * slot + axis) * n..(3 * slot + axis + 1) * n];
+                    add_row(row, from, slope * share * along);
+                }
+            }
+        }
+        for pair in self.keypoints {
+            let rows = [(); 2].map(|()| next.next().expect("two rows for every keypoint"));
+            let place = self.keypoint(&pair.point, &joints, &places);
+            let Some(pixel) = self.cameras[pair.view].project_derivative(place) else { continue };
+            for (c, row) in rows.into_iter().enumerate() {
+                for axis in 0..3 {
+                    let slope = pixel.point[c][axis] * pair.weight / self.sigmas.keypoint_px;
+                    match &pair.point {
+                        BodyPoint::Vertex(vertex) => {
+                            let at = 3 * self.slot(*vertex as u32) + axis;
+                            add_row(row, &derivatives[at * n..(at + 1) * n], slope);
+                        }
+                        BodyPoint::Joints(weights) => {
+                            for &(j, w) in weights {
+                                add_row(&mut row[..p], of_joints.by_pose.row(3 * j + axis), slope * w);
+                                add_row(&mut row[p..p + b], of_joints.by_betas.row(3 * j + axis), slope * w);
+                            }
+                            row[p + b + axis] += slope;
+                        }
+                    }
+                }
+            }
+        }
+        for k in 3..p {
+            next.next().expect("a row for every angle")[k] = 1.0 / self.sigmas.pose_rad;
+        }
+        for l in 0..b {
+            next.next().expect("a row for every beta")[p + l] = 1.0;
+        }
+        Dense::new(rows, n, jacobian)
+    }
+}
+
+/// `row` += `factor` · `from`.
+fn add_row(row: &mut [f64], from: &[f64], factor: f64) {
+    for (sum, x) in row.iter_mut().zip(from) {
+        *sum += factor * x;
+    }
+}
