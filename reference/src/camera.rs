@@ -141,24 +141,25 @@ pub fn distort(coefficients: &[f64; 5], [x, y]: [f64; 2]) -> [f64; 2] {
     ]
 }
 
-/// The ideal ray (x, y) that [`distort`] takes to (x′, y′), by Newton's method from (x′, y′); `None` if it does not settle.
+/// The ideal ray (x, y) that [`distort`] takes to (x′, y′), by Newton's method from (x′, y′); `None` if it does not settle,
+/// or settles where the lens model has folded the image over.
 pub fn undistort(coefficients: &[f64; 5], bent: [f64; 2]) -> Option<[f64; 2]> {
     let mut ideal = bent;
     // A lens is nearly the identity: three or four steps, twice as many near the rim of a wide angle.
     for _ in 0..20 {
         let at = distort(coefficients, ideal);
         let miss = [bent[0] - at[0], bent[1] - at[1]];
-        if miss[0].abs().max(miss[1].abs()) <= 4.0 * f64::EPSILON * bent[0].abs().max(bent[1].abs()) {
-            return Some(ideal);
-        }
         let [[a, b], [c, d]] = distort_derivative(coefficients, ideal);
         let det = a * d - b * c;
+        if miss[0].abs().max(miss[1].abs()) <= 1e-15 * (1.0 + bent[0].abs().max(bent[1].abs())) {
+            // Before the fold the lens keeps orientation and side.
+            let unfolded = det > 0.0 && ideal[0] * bent[0] + ideal[1] * bent[1] >= 0.0;
+            return unfolded.then_some(ideal);
+        }
         ideal[0] += (d * miss[0] - b * miss[1]) / det;
         ideal[1] += (a * miss[1] - c * miss[0]) / det;
     }
-    let at = distort(coefficients, ideal);
-    let settled = (at[0] - bent[0]).abs().max((at[1] - bent[1]).abs()) < 1e-12;
-    settled.then_some(ideal)
+    None
 }
 
 /// The 2×2 derivative of [`distort`] with respect to (x, y), row-major; symmetric.

@@ -125,7 +125,7 @@ mod tests {
         mesh.vertices.push([0.05, 0.05, 0.0]);
         mesh.faces.push([0, 8, 1]);
         let found = multipliers(&mesh.vertices, &mesh.faces);
-        assert!(found[8] > found[0] && found[0] > 1.0 && found[6] == 1.0, "{found:?}");
+        assert!(found[8] > 3.0 && found[..8].iter().all(|k| (1.0..1.5).contains(k)), "{found:?}");
     }
 
     #[test]
