@@ -90,10 +90,21 @@ impl Pinhole {
     /// assert_eq!(camera.unproject([345.0, 190.0], 2.0), Some([0.1, -0.2, 2.0]));
     /// ```
     pub fn unproject(&self, pixel_px: [f64; 2], depth_m: f64) -> Option<Vector3> {
-        let bent = std::array::from_fn(|i| (pixel_px[i] - self.principal_px[i]) / self.focal_px[i]);
-        let [x, y] = undistort(&self.distortion, bent)?;
+        let [x, y] = self.normalized(pixel_px)?;
         let in_camera = [x * depth_m, y * depth_m, depth_m];
         Some(apply_transposed(&self.rotation, sub(in_camera, self.translation)))
+    }
+
+    /// The point (X_c/Z_c, Y_c/Z_c) at depth 1 that [`Pinhole::project`] takes to a pixel; `None` as for
+    /// [`Pinhole::unproject`].
+    ///
+    /// ```
+    /// let camera = vitruvian_reference::camera::Pinhole::ideal(500.0, [320.0, 240.0]);
+    /// assert_eq!(camera.normalized([345.0, 190.0]), Some([0.05, -0.1]));
+    /// ```
+    pub fn normalized(&self, pixel_px: [f64; 2]) -> Option<[f64; 2]> {
+        let bent = std::array::from_fn(|i| (pixel_px[i] - self.principal_px[i]) / self.focal_px[i]);
+        undistort(&self.distortion, bent)
     }
 
     /// The derivatives of [`Pinhole::project`], or `None` where the point is not in front of the camera.

@@ -9,21 +9,40 @@
 //! ```
 //!
 //! # Reading order
-//! [`keypoint_set`]: what a mark means on a body. [`observation`]: what is given, and what is refused. [`prior`]: E_θ and the
-//! other priors; [`robust_loss`](crate::robust_loss) is ρ. [`presets`]: the weights of the thesis. [`result`]: what comes
-//! back and the verdict on it.
+//! What is given and asked: [`keypoint_set`] (what a mark means on a body), [`observation`] (and what is refused),
+//! [`presets`] (the weights of the thesis), [`result`] and the [`verdict`](mod@verdict) on it.
+//!
+//! The energy: [`figure`] (the body's points and how they move), [`layout`] (the vector of unknowns),
+//! [`keypoint_residuals`] (E_J; [`robust_loss`](crate::robust_loss) is ρ), [`prior`] (E_θ and others), [`energy`] (all stacked).
+//!
+//! The way down: [`start`] with its geometry ([`camera_init`], [`triangulation`], [`relative_pose`], [`resection`],
+//! [`inverse_kinematics`]); [`multiview_smplify`] runs the stages; [`polish`] ends them by empirical Bayes.
 //!
 //! # References
 //! Li 2021, ch. 2 and ch. 3 §3.2; Bogo, Kanazawa, Lassner, Gehler, Romero, Black 2016, "Keep it SMPL".
 
+pub mod camera_init;
+pub mod energy;
+pub mod figure;
+pub mod inverse_kinematics;
+pub mod keypoint_residuals;
 pub mod keypoint_set;
+pub mod layout;
+pub mod multiview_smplify;
 pub mod observation;
+pub mod polish;
 pub mod presets;
 pub mod prior;
+pub mod relative_pose;
+pub mod resection;
 pub mod result;
 pub mod silhouette;
+pub mod start;
+pub mod triangulation;
+pub mod verdict;
 
 pub use keypoint_set::KeypointSet;
+pub use multiview_smplify::MultiviewSmplify;
 pub use observation::{Extrinsics, Keypoint, Observation, Refusal, View};
 pub use presets::{LossForm, Options, Polish, PosePrior, Preset, Stage, Start, Translations};
 pub use result::{Fit, Parameters, StageReport, Verdict, ViewResidual};

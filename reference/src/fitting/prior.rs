@@ -15,8 +15,9 @@ use crate::linalg::dense::Dense;
 
 /// The residual of one limb that bends by φ radians beyond rest, and its derivative by φ.
 ///
-/// factor · exp(−φ): near zero for natural bends, growing without bound as the limb is bent backwards. With SMPL's rest
-/// pose φ = −θ₅₅, θ₅₈, θ₁₂, θ₁₅ for left elbow, right elbow, left knee, right knee.
+/// factor · exp(−φ): near zero for natural bends, growing without bound as the limb is bent backwards. φ is the flexion of a
+/// [hinge](crate::body::Hinge); with SMPL's rest pose φ = −θ₅₅, θ₅₈, θ₁₂, θ₁₅ for left elbow, right elbow, left knee, right
+/// knee.
 ///
 /// # Conventions
 /// The thesis prints exp(θ_i) for all four, which would punish natural bends of three of them; α and λ both multiply, and

@@ -66,6 +66,14 @@ pub enum Verdict {
         /// Its value.
         value: f64,
     },
+    /// The body on the keypoints is in nobody's pose: a joint bent backwards or turned too far, as happens when left and
+    /// right are exchanged.
+    ImplausiblePose {
+        /// Which joint.
+        joint: usize,
+        /// How far it is turned, radians; negative for a limb that is bent backwards.
+        angle_rad: f64,
+    },
 }
 
 impl Verdict {
@@ -84,6 +92,9 @@ impl fmt::Display for Verdict {
                 let list: Vec<String> = views.iter().map(usize::to_string).collect();
                 let (noun, verb) = if views.len() == 1 { ("view", "lies") } else { ("views", "lie") };
                 write!(f, "{noun} {} {verb} far from the body that fits the rest", list.join(", "))
+            }
+            Verdict::ImplausiblePose { joint, angle_rad } => {
+                write!(f, "implausible pose: joint {joint} is turned by {:.0}°", angle_rad.to_degrees())
             }
             Verdict::ImplausibleBody { beta, value } => {
                 write!(f, "implausible body: beta {beta} is {value:.1} standard deviations")

@@ -1,0 +1,108 @@
+//! Can the answer be used? A descent always ends somewhere; whether that is a person is asked here.
+
+use super::figure::Figure;
+use super::keypoint_residuals::Detection;
+use super::result::{Parameters, Verdict, ViewResidual};
+use crate::body::Hinge;
+use crate::least_squares::Termination;
+use crate::linalg::vector::{add, norm};
+
+/// A view disagrees if half of its marks are farther from the body than this fraction of the body's size in the picture.
+/// Detectors miss by one to three hundredths.
+const FAR: f64 = 0.05;
+/// No body of a model's training set is this many standard deviations from the mean.
+const MOST_DEVIATIONS: f64 = 5.0;
+/// Elbows and knees do not bend backwards by more than this, radians (45°).
+const MOST_BACKWARD_RAD: f64 = 0.8;
+/// No joint but the root turns farther than this, radians (160°); those of the trunk not farther than a right angle.
+const MOST_TURN_RAD: f64 = 2.8;
+const MOST_TURN_OF_TRUNK_RAD: f64 = 1.57;
+
+/// The distances between marks and body in each of the N views, pixels, from the errors of all marks.
+pub fn view_residuals(detections: &[Detection], errors: &[[f64; 2]], views: usize) -> Vec<ViewResidual> {
+    let mut distances = vec![Vec::new(); views];
+    for (d, e) in detections.iter().zip(errors) {
+        distances[d.view].push(e[0].hypot(e[1]));
+    }
+    distances
+        .into_iter()
+        .map(|mut distances| {
+            distances.sort_by(f64::total_cmp);
+            let count = distances.len();
+            if count == 0 {
+                return ViewResidual::default();
+            }
+            let mean = |f: fn(&f64) -> f64| distances.iter().map(f).sum::<f64>() / count as f64;
+            ViewResidual {
+                count,
+                mean_px: mean(|d| *d),
+                median_px: 0.5 * (distances[(count - 1) / 2] + distances[count / 2]),
+                rms_px: mean(|d| d * d).sqrt(),
+                max_px: distances[count - 1],
+            }
+        })
+        .collect()
+}
+
+/// The size of the body in each picture: the diagonal of the box around its keypoints, pixels; 0 for a view that does not see
+/// them.
+fn sizes_px(figure: &Figure, parameters: &Parameters) -> Vec<f64> {
+    let points = figure.points(&parameters.pose, &parameters.betas);
+    parameters
+        .cameras
+        .iter()
+        .map(|camera| {
+            let mut low = [f64::INFINITY; 2];
+            let mut high = [f64::NEG_INFINITY; 2];
+            for (point, _) in points.iter().zip(figure.keypoints()).filter(|(_, k)| k.is_some()) {
+                if let Some(pixel) = camera.project(add(*point, parameters.trans)) {
+                    for i in 0..2 {
+                        low[i] = low[i].min(pixel[i]);
+                        high[i] = high[i].max(pixel[i]);
+                    }
+                }
+            }
+            (high[0] - low[0]).hypot(high[1] - low[1]).max(0.0)
+        })
+        .collect()
+}
+
+/// The verdict on an answer; the first of disagreement, implausible shape, implausible pose, no convergence that holds.
+pub fn verdict(
+    figure: &Figure,
+    hinges: &[Hinge],
+    parameters: &Parameters,
+    views: &[ViewResidual],
+    termination: Termination,
+) -> Verdict {
+    let far: Vec<usize> = views
+        .iter()
+        .zip(sizes_px(figure, parameters))
+        .enumerate()
+        .filter(|(_, (view, size))| {
+            view.count > 0 && (view.median_px.is_nan() || view.median_px > FAR * size)
+        })
+        .map(|(i, _)| i)
+        .collect();
+    if !far.is_empty() {
+        return Verdict::ViewsDisagree { views: far };
+    }
+    let largest = parameters.betas.iter().copied().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    if let Some((beta, value)) = largest.filter(|(_, value)| value.abs() > MOST_DEVIATIONS) {
+        return Verdict::ImplausibleBody { beta, value };
+    }
+    for hinge in hinges {
+        let angle_rad = hinge.flexion_rad(&parameters.pose);
+        if angle_rad < -MOST_BACKWARD_RAD {
+            return Verdict::ImplausiblePose { joint: hinge.joint, angle_rad };
+        }
+    }
+    for (joint, theta) in parameters.pose.chunks_exact(3).enumerate().skip(1) {
+        let angle_rad = norm([theta[0], theta[1], theta[2]]);
+        let most = if super::polish::TRUNK.contains(&joint) { MOST_TURN_OF_TRUNK_RAD } else { MOST_TURN_RAD };
+        if angle_rad > most {
+            return Verdict::ImplausiblePose { joint, angle_rad };
+        }
+    }
+    if termination.was_successful() { Verdict::Success } else { Verdict::NotConverged }
+}
