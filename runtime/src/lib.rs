@@ -13,6 +13,7 @@ pub mod mesh;
 pub mod reconstruct;
 pub mod render;
 pub mod session;
+pub mod skinning;
 #[cfg(test)]
 mod test_graph;
 pub mod voxelize;

@@ -1,4 +1,4 @@
-//! Files in and out: meshes, arrays, body models, keypoints; every reader is bounded and every write atomic.
+//! Files in and out: meshes, arrays, body models and their parameters, keypoints; every reader is bounded and every write atomic.
 
 pub mod atomic;
 pub mod body;

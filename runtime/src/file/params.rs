@@ -411,7 +411,7 @@ mod tests {
         for shape in [&[9][..], &[1, 9], &[3, 3], &[1, 3, 3]] {
             for name in ["poses", "pose", "fullpose"] {
                 let found = read_arrays(&[(name, shape, Values::F64(&values))]).unwrap();
-                assert_eq!(found.poses, [values.clone()], "{name} {shape:?}");
+                assert_eq!(found.poses, std::slice::from_ref(&values), "{name} {shape:?}");
                 assert_eq!((found.betas, found.trans), (vec![vec![]], vec![[0.0; 3]]));
             }
         }
