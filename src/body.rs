@@ -4,9 +4,15 @@ use std::path::Path;
 
 use vitruvian_conformance::convert;
 use vitruvian_reference::body::{BodyModel, mannequin};
-use vitruvian_runtime::file::body;
+use vitruvian_runtime::file::body::{self, BodyArrays};
 
 use crate::failure::{Failure, Result};
+
+/// The arrays of the body at `path`, or of the mannequin, for the runtime.
+pub fn load_arrays(path: Option<&Path>) -> Result<BodyArrays> {
+    let Some(path) = path else { return Ok(convert::body_to_runtime(&mannequin())) };
+    Ok(body::read(path)?)
+}
 
 /// Reads and checks `path`, or makes the mannequin where none is given.
 pub fn load(path: Option<&Path>) -> Result<BodyModel> {

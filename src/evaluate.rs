@@ -17,7 +17,7 @@ use crate::table;
 ///
 /// Two meshes (.ply, .obj): P2S and completeness in cm, Chamfer-L2 in 10⁻² m², IoU of the volumes.
 /// Two masks (.png), or two folders of masks: IoU.
-/// Two .npz with joints (24 × 3, or F × 24 × 3), or with poses, betas and trans: joint errors in mm, PCK@150 and AUC in %.
+/// Two .npz with joints (24 × 3, or F × 24 × 3), or with parameters as `pose` reads them: joint errors in mm, PCK@150 and AUC in %.
 /// A folder that `reconstruct` wrote and its capture, or folders of them: a row per capture, and means.
 #[derive(clap::Args)]
 pub struct Arguments {

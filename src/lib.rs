@@ -12,6 +12,7 @@ pub mod failure;
 mod mesh;
 mod mesh_format;
 mod output_folder;
+mod pose;
 mod progress;
 mod reconstruct;
 pub mod synthesis;
@@ -38,6 +39,7 @@ struct Arguments {
 enum Command {
     Demo(demo::Arguments),
     Reconstruct(reconstruct::Arguments),
+    Pose(pose::Arguments),
     Mesh(mesh::Arguments),
     Voxelize(voxelize::Arguments),
     Evaluate(evaluate::Arguments),
@@ -50,6 +52,7 @@ pub fn run() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Pose(arguments) => pose::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Voxelize(arguments) => voxelize::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),

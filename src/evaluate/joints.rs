@@ -5,14 +5,14 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::json;
 use vitruvian_reference::body::BodyModel;
-use vitruvian_reference::linalg::vector::Vector3;
+use vitruvian_reference::linalg::vector::{Vector3, add};
 use vitruvian_reference::metric::joints::{
     PCK_THRESHOLD_M, auc, joint_errors, mean_joint_error, mpjpe, pa_mpjpe, pck, procrustes_aligned,
     root_relative,
 };
 use vitruvian_runtime::error::Error;
-use vitruvian_runtime::file::npy::Array;
 use vitruvian_runtime::file::npz::Npz;
+use vitruvian_runtime::file::params::{self, Counts};
 
 use super::{Findings, sides};
 use crate::body;
@@ -91,14 +91,13 @@ fn measure(found: &[Vec<Vector3>], expected: &[Vec<Vector3>]) -> Measures {
 /// The joints of every frame: as they stand in the file, or posed from its parameters.
 fn frames(path: &Path, body: Option<&Path>) -> Result<Vec<Vec<Vector3>>> {
     let mut npz = Npz::open(path)?;
-    let (name, per_frame) = if npz.contains("joints") { ("joints", 3) } else { ("poses", 0) };
-    let array = npz.array::<f64>(name)?;
-    if let Some(i) = array.values.iter().position(|x| !x.is_finite()) {
-        let message = format!("array \"{name}\" holds {} at {i}; expected finite numbers", array.values[i]);
-        return Err(Error::file(path, message).into());
+    if !npz.contains("joints") {
+        return posed(path, &body::load(body)?);
     }
-    if per_frame == 0 {
-        return posed(path, &mut npz, &array, &body::load(body)?);
+    let array = npz.array::<f64>("joints")?;
+    if let Some(i) = array.values.iter().position(|x| !x.is_finite()) {
+        let message = format!("array \"joints\" holds {} at {i}; expected finite numbers", array.values[i]);
+        return Err(Error::file(path, message).into());
     }
     let joints = match array.shape[..] {
         [j, 3] | [_, j, 3] if j > 0 => j,
@@ -112,42 +111,16 @@ fn frames(path: &Path, body: Option<&Path>) -> Result<Vec<Vec<Vector3>>> {
     Ok(rows.chunks_exact(joints).map(<[Vector3]>::to_vec).collect())
 }
 
-fn posed(path: &Path, npz: &mut Npz, poses: &Array<f64>, body: &BodyModel) -> Result<Vec<Vec<Vector3>>> {
-    let width = 3 * body.joint_count();
-    let fail = |message: String| Error::file(path, message);
-    if poses.shape.last() != Some(&width) || poses.shape.len() > 2 {
-        let message = format!(
-            "array \"poses\" has the shape {:?}, expected [{width}] or [F, {width}] for this body",
-            poses.shape
-        );
-        return Err(fail(message).into());
-    }
-    let count = poses.values.len() / width;
-    // One row serves every frame, or there is one for each.
-    let mut rows = |name: &str, most: usize| -> Result<Vec<Vec<f64>>> {
-        let array = npz.array::<f64>(name)?;
-        let columns = array.shape.last().copied().unwrap_or(0);
-        let found = array.values.len().checked_div(columns).unwrap_or(0);
-        let fits =
-            array.shape.len() <= 2 && columns >= 1 && columns <= most && (found == 1 || found == count);
-        if !fits || array.values.iter().any(|x| !x.is_finite()) {
-            let message = format!(
-                "array \"{name}\" has the shape {:?}; expected finite numbers [{most}] or [{count}, {most}]",
-                array.shape
-            );
-            return Err(fail(message).into());
-        }
-        Ok((0..count)
-            .map(|f| array.values.chunks_exact(columns).nth(f % found).unwrap_or(&[]).to_vec())
-            .collect())
-    };
-    let betas = rows("betas", body.beta_count())?;
-    let trans = rows("trans", 3)?;
-    let frames = poses.values.chunks_exact(width).zip(betas.iter().zip(&trans));
+fn posed(path: &Path, body: &BodyModel) -> Result<Vec<Vec<Vector3>>> {
+    let counts =
+        Counts { vertices: body.vertex_count(), joints: body.joint_count(), betas: body.beta_count() };
+    let parameters = params::read(path, &counts)?;
+    let skeleton = body.skeleton();
+    let frames = parameters.poses.iter().zip(&parameters.trans).enumerate();
     Ok(frames
-        .map(|(pose, (betas, trans))| {
-            let trans = std::array::from_fn(|axis| trans.get(axis).copied().unwrap_or(0.0));
-            body.pose(pose, betas, trans).joints
+        .map(|(f, (pose, trans))| {
+            let joints = skeleton.posed_joints(pose, parameters.betas_of(f));
+            joints.into_iter().map(|joint| add(joint, *trans)).collect()
         })
         .collect())
 }

@@ -7,5 +7,6 @@ mod command;
 mod demo;
 mod evaluate;
 mod mesh;
+mod pose;
 mod real_body;
 mod reconstruct;

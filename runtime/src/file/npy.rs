@@ -88,7 +88,7 @@ pub enum Values<'a> {
 }
 
 impl Values<'_> {
-    fn description(&self) -> String {
+    pub(crate) fn description(&self) -> String {
         match self {
             Values::F32(_) => "<f4".into(),
             Values::F64(_) => "<f8".into(),
@@ -112,7 +112,7 @@ impl Values<'_> {
         }
     }
 
-    fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         match self {
             Values::F32(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Values::F64(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
@@ -168,14 +168,20 @@ pub fn encode(shape: &[usize], values: Values<'_>) -> Vec<u8> {
         values.len(),
         "npy: the shape {shape:?} does not fit the values"
     );
+    let mut out = header(shape, &values.description());
+    out.extend(values.bytes());
+    out
+}
+
+/// The bytes of a version 1.0 `.npy` before its data.
+pub(crate) fn header(shape: &[usize], description: &str) -> Vec<u8> {
     let mut axes: String = shape.iter().map(|n| format!("{n}, ")).collect();
     if shape.len() > 1 {
         axes.truncate(axes.len() - 2);
     } else {
         axes.truncate(axes.trim_end().len());
     }
-    let mut header =
-        format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({axes}), }}", values.description());
+    let mut header = format!("{{'descr': '{description}', 'fortran_order': False, 'shape': ({axes}), }}");
     // The newline that ends the header ends a multiple of 64 bytes: 10 bytes stand before the header.
     while !(10 + header.len() + 1).is_multiple_of(64) {
         header.push(' ');
@@ -185,7 +191,6 @@ pub fn encode(shape: &[usize], values: Values<'_>) -> Vec<u8> {
     out.extend([1, 0]);
     out.extend((header.len() as u16).to_le_bytes());
     out.extend(header.as_bytes());
-    out.extend(values.bytes());
     out
 }
 

@@ -1,6 +1,7 @@
 //! NumPy's `.npz`: a zip archive of named `.npy` arrays, stored or deflated.
 
-use std::io::{Cursor, Read, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 
 use zip::write::SimpleFileOptions;
@@ -115,17 +116,105 @@ pub struct Named<'a> {
 pub fn write(path: &Path, arrays: &[Named<'_>]) -> Result<()> {
     let pack = || -> zip::result::ZipResult<Vec<u8>> {
         let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-        let options = SimpleFileOptions::default()
-            .compression_method(CompressionMethod::Stored)
-            .last_modified_time(zip::DateTime::default());
         for array in arrays {
-            archive.start_file(format!("{}.npy", array.name), options)?;
+            archive.start_file(format!("{}.npy", array.name), options())?;
             archive.write_all(&npy::encode(array.shape, array.values))?;
         }
         Ok(archive.finish()?.into_inner())
     };
     let bytes = pack().map_err(|e| Error::file(path, format!("cannot be packed: {e}")))?;
     atomic::write(path, &bytes)
+}
+
+fn options() -> SimpleFileOptions {
+    SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(zip::DateTime::default())
+}
+
+/// An archive that is written block by block, for arrays that are larger than memory.
+pub struct Stream<'a> {
+    path: &'a Path,
+    archive: ZipWriter<&'a mut BufWriter<File>>,
+    /// The array that is being written, and how many of its numbers are still to come.
+    open: Option<(String, usize)>,
+}
+
+impl Stream<'_> {
+    /// Begins an f64 array.
+    ///
+    /// # Errors
+    /// The disk is full or the file cannot be written.
+    ///
+    /// # Panics
+    /// If the array before it is not complete, or the shape's product is beyond `usize`.
+    pub fn begin(&mut self, name: &str, shape: &[usize]) -> Result<()> {
+        self.assert_complete();
+        let count = shape.iter().try_fold(1usize, |n, &axis| n.checked_mul(axis));
+        let bytes = count.and_then(|n| n.checked_mul(8));
+        let (Some(count), Some(bytes)) = (count, bytes) else {
+            panic!("npz::Stream: the shape {shape:?} of \"{name}\" has no size");
+        };
+        // Room for the header too; archives without large files are read by more programs.
+        let is_large = bytes as u64 + 1024 > u64::from(u32::MAX);
+        let header = npy::header(shape, Values::F64(&[]).description().as_str());
+        self.archive
+            .start_file(format!("{name}.npy"), options().large_file(is_large))
+            .map_err(|e| Error::io(self.path, e.into()))?;
+        self.archive.write_all(&header).map_err(|e| Error::io(self.path, e))?;
+        self.open = Some((name.to_owned(), count));
+        Ok(())
+    }
+
+    /// The next numbers of the array, in C order.
+    ///
+    /// # Errors
+    /// As [`Stream::begin`].
+    ///
+    /// # Panics
+    /// If the array has no place for so many.
+    pub fn push(&mut self, values: &[f64]) -> Result<()> {
+        let left = self.open.as_ref().map_or(0, |(_, left)| *left);
+        assert!(values.len() <= left, "npz::Stream: {} numbers, {left} to come", values.len());
+        self.archive.write_all(&Values::F64(values).bytes()).map_err(|e| Error::io(self.path, e))?;
+        if let Some((_, left)) = &mut self.open {
+            *left -= values.len();
+        }
+        Ok(())
+    }
+
+    fn assert_complete(&self) {
+        if let Some((name, left)) = &self.open {
+            assert!(*left == 0, "npz::Stream: {left} numbers of \"{name}\" are missing");
+        }
+    }
+}
+
+/// Writes an archive atomically as `fill` hands it over; the same arrays give the same bytes.
+///
+/// # Errors
+/// As [`atomic::write`], or whatever `fill` returns.
+///
+/// # Panics
+/// If `fill` leaves an array incomplete.
+pub fn write_stream<E: From<Error>>(
+    path: &Path,
+    fill: impl FnOnce(&mut Stream<'_>) -> std::result::Result<(), E>,
+) -> std::result::Result<(), E> {
+    let mut failure = None;
+    let written = atomic::write_with(path, |out| {
+        let mut stream = Stream { path, archive: ZipWriter::new(out), open: None };
+        if let Err(why) = fill(&mut stream) {
+            failure = Some(why);
+            return Err(io::Error::other("not completed"));
+        }
+        stream.assert_complete();
+        stream.archive.finish().map_err(io::Error::from)?.flush()
+    });
+    match failure {
+        Some(why) => Err(why),
+        None => Ok(written?),
+    }
 }
 
 #[cfg(test)]
@@ -172,6 +261,49 @@ mod tests {
         archive.write_all(&npy::encode(&[1000], Values::F64(&[0.25; 1000]))).unwrap();
         archive.finish().unwrap();
         assert_eq!(Npz::open(&path).unwrap().array::<f64>("x").unwrap().values, [0.25; 1000]);
+    }
+
+    #[test]
+    fn what_is_streamed_is_what_is_written_at_once_and_a_failure_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let [whole, streamed] = ["whole.npz", "streamed.npz"].map(|name| folder.path().join(name));
+        let (a, b) = ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [0.5]);
+        let named = |name, shape, values| Named { name, shape, values: Values::F64(values) };
+        write(&whole, &[named("a", &[3, 2], &a), named("b", &[1], &b)]).unwrap();
+        let in_blocks = |out: &mut Stream<'_>| {
+            out.begin("a", &[3, 2])?;
+            out.push(&a[..4])?;
+            out.push(&a[4..])?;
+            out.begin("b", &[1])?;
+            out.push(&b)
+        };
+        write_stream::<Error>(&streamed, in_blocks).unwrap();
+        let mut found = Npz::open(&streamed).unwrap();
+        let mut expected = Npz::open(&whole).unwrap();
+        for name in ["a", "b"] {
+            assert_eq!(found.array::<f64>(name).unwrap(), expected.array::<f64>(name).unwrap());
+        }
+        let once = std::fs::read(&streamed).unwrap();
+        write_stream::<Error>(&streamed, in_blocks).unwrap();
+        assert_eq!(once, std::fs::read(&streamed).unwrap(), "same arrays, same bytes");
+
+        let failed = write_stream(&streamed, |out| {
+            out.begin("a", &[3, 2])?;
+            Err(Error::Unanswerable("planted".into()))
+        });
+        assert_eq!(failed.unwrap_err().to_string(), "planted");
+        assert_eq!(once, std::fs::read(&streamed).unwrap(), "the old content");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    #[should_panic(expected = "2 numbers of \"a\" are missing")]
+    fn an_incomplete_array_is_the_caller_s_mistake() {
+        let folder = tempfile::tempdir().unwrap();
+        let _ = write_stream::<Error>(&folder.path().join("a.npz"), |out| {
+            out.begin("a", &[3])?;
+            out.push(&[1.0])
+        });
     }
 
     proptest! {
