@@ -1,6 +1,7 @@
 //! Laws.
 
 mod body;
+mod least_squares;
 mod nn;
 mod rotation;
 mod silhouette;

@@ -451,4 +451,129 @@ mod tests {
         assert!(lines.iter().all(|line| line.kind == StepKind::GaussNewton && line.accepted));
         assert!(close(lines[0].gain_ratio, 0.9531976744), "{:?}", lines[0]);
     }
+
+    #[test]
+    fn start_without_finite_residuals_is_returned() {
+        for start in [None, Some(vec![f64::NAN]), Some(vec![f64::INFINITY]), Some(vec![1e200])] {
+            let problem =
+                Functions(move |_: &[f64]| start.clone(), |_: &[f64]| unreachable!("no derivative there"));
+            let solution = Dogleg::default().minimize(&problem, &[7.0]);
+            assert_eq!(solution.termination, Termination::NotFinite);
+            assert_eq!((solution.x, solution.iterations, solution.evaluations), (vec![7.0], 0, 1));
+            assert!(!solution.energy.is_finite());
+        }
+    }
+
+    #[test]
+    fn undefined_and_nan_trials_shrink_the_radius() {
+        // √x − 3 ends at 0. From 100 the Gauss–Newton step leads to −40, where it is undefined or NaN, and the second, a
+        // quarter as long, to 65.
+        let nan = |x: &[f64]| Some(vec![x[0].sqrt() - 3.0]);
+        let undefined = |x: &[f64]| (x[0] >= 0.0).then(|| vec![x[0].sqrt() - 3.0]);
+        let jacobian = |x: &[f64]| Dense::new(1, 1, vec![0.5 / x[0].sqrt()]);
+        let (a, with_nan) = log(&Dogleg::default(), &Functions(nan, jacobian), &[100.0]);
+        let (b, with_none) = log(&Dogleg::default(), &Functions(undefined, jacobian), &[100.0]);
+        assert_eq!(a, b);
+        assert!(a.termination.was_successful() && (a.x[0] - 9.0).abs() < 1e-13, "{a:?}");
+        for lines in [with_nan, with_none] {
+            assert!(!lines[0].accepted && lines[0].gain_ratio == f64::NEG_INFINITY, "{:?}", lines[0]);
+            assert!(close(lines[0].step_norm, 140.0) && close(lines[0].radius, 35.0), "{:?}", lines[0]);
+            assert!(lines[1].accepted && close(lines[1].x[0], 65.0), "{:?}", lines[1]);
+        }
+    }
+
+    #[test]
+    fn walled_in_point_ends_with_a_small_radius() {
+        let problem =
+            Functions(|x: &[f64]| (x[0] >= 1.0).then(|| x.to_vec()), |_: &[f64]| Dense::new(1, 1, vec![1.0]));
+        let solution = Dogleg::default().minimize(&problem, &[1.0]);
+        assert_eq!((solution.termination, solution.x), (Termination::SmallRadius, vec![1.0]));
+    }
+
+    #[test]
+    fn jacobian_that_turns_out_not_finite_ends_at_the_last_good_point() {
+        for number in [f64::NAN, f64::INFINITY] {
+            let problem = Functions(
+                |x: &[f64]| Some(vec![x[0] * x[0] - 1.0]),
+                move |x: &[f64]| Dense::new(1, 1, vec![if x[0] < 2.0 { number } else { 2.0 * x[0] }]),
+            );
+            let solution = Dogleg::default().minimize(&problem, &[3.0]);
+            assert_eq!(solution.termination, Termination::JacobianNotFinite);
+            // Newton: 3 − 8/6.
+            assert!(
+                close(solution.x[0], 5.0 / 3.0) && close(solution.energy, (16.0 / 9.0f64).powi(2)),
+                "{solution:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn wrong_jacobian_ends_without_moving() {
+        let problem = Functions(|x: &[f64]| Some(x.to_vec()), |_: &[f64]| Dense::new(1, 1, vec![-1.0]));
+        let solution = Dogleg::default().minimize(&problem, &[2.0]);
+        assert_eq!((solution.termination, solution.x), (Termination::SmallRadius, vec![2.0]));
+    }
+
+    #[test]
+    fn gauss_newton_step_that_is_not_finite_gives_way_to_the_cauchy_point() {
+        struct Unsolvable(Dense);
+        impl Jacobian for Unsolvable {
+            fn apply(&self, d: &[f64]) -> Vec<f64> {
+                self.0.apply(d)
+            }
+            fn apply_transposed(&self, r: &[f64]) -> Vec<f64> {
+                self.0.apply_transposed(r)
+            }
+            fn gauss_newton_step(&self, gradient: &[f64]) -> Vec<f64> {
+                vec![f64::NAN; gradient.len()]
+            }
+        }
+        struct Line;
+        impl Problem for Line {
+            type Jacobian = Unsolvable;
+            fn residuals(&self, x: &[f64]) -> Option<Vec<f64>> {
+                Some(vec![x[0] - 1.0, 2.0 * (x[1] + 3.0)])
+            }
+            fn jacobian(&self, _: &[f64]) -> Unsolvable {
+                Unsolvable(Dense::new(2, 2, vec![1.0, 0.0, 0.0, 2.0]))
+            }
+        }
+        let solution = Dogleg::default().minimize(&Line, &[5.0, 5.0]);
+        assert!((solution.x[0] - 1.0).abs() < 1e-12 && (solution.x[1] + 3.0).abs() < 1e-12, "{solution:?}");
+    }
+
+    #[test]
+    fn every_criterion_ends_by_its_name() {
+        let start = [-1.2, 1.0];
+        let ending = |dogleg: Dogleg| {
+            let solution = dogleg.minimize(&rosenbrock(), &start);
+            (solution.termination, solution.iterations, solution.evaluations)
+        };
+        let default = Dogleg::default;
+        assert_eq!(ending(Dogleg { max_iterations: 0, ..default() }), (Termination::IterationLimit, 0, 1));
+        assert_eq!(ending(Dogleg { max_iterations: 3, ..default() }), (Termination::IterationLimit, 3, 7));
+        assert_eq!(ending(Dogleg { max_evaluations: 1, ..default() }), (Termination::EvaluationLimit, 0, 1));
+        assert_eq!(ending(Dogleg { max_evaluations: 4, ..default() }), (Termination::EvaluationLimit, 2, 4));
+        assert_eq!(
+            ending(Dogleg { gradient_tolerance: 1e6, ..default() }),
+            (Termination::SmallGradient, 0, 1)
+        );
+        assert_eq!(ending(Dogleg { step_tolerance: 10.0, ..default() }), (Termination::SmallStep, 1, 1));
+        assert_eq!(
+            ending(Dogleg { initial_radius: Some(1e-20), ..default() }),
+            (Termination::SmallRadius, 0, 1)
+        );
+        let impatient = Dogleg { improvement_tolerance: 0.999, ..default() };
+        assert_eq!(ending(impatient), (Termination::SmallImprovement, 1, 3));
+        // Without e₁ a vanishing gradient ends as a step of length 0.
+        let stubborn = Dogleg { gradient_tolerance: 0.0, ..default() };
+        assert_eq!(stubborn.minimize(&rosenbrock(), &[1.0, 1.0]).termination, Termination::SmallStep);
+    }
+
+    #[test]
+    fn first_radius_limits_the_first_step() {
+        let dogleg = Dogleg { initial_radius: Some(0.125), ..Dogleg::default() };
+        let (_, lines) = log(&dogleg, &rosenbrock(), &[-1.2, 1.0]);
+        assert!(lines[0].kind == StepKind::Cauchy && close(lines[0].step_norm, 0.125), "{:?}", lines[0]);
+    }
 }

@@ -54,6 +54,9 @@ struct QuotientGraph {
     merged: Vec<Vec<usize>>,
     /// The bound of the degree, in unknowns outside of this one.
     degree: Vec<usize>,
+    /// |e| of an element, in unknowns. It stays: mergers keep the sum of the weights, and once a member is eliminated its
+    /// elements are swallowed.
+    size: Vec<usize>,
     /// |e \ p| for the elements e that touch the current p, where `stamp[e]` = p.
     outside: Vec<usize>,
     stamp: Vec<usize>,
@@ -73,6 +76,7 @@ impl QuotientGraph {
             members: vec![Vec::new(); n],
             weight: vec![1; n],
             merged: vec![Vec::new(); n],
+            size: vec![0; n],
             outside: vec![0; n],
             stamp: vec![usize::MAX; n],
             in_pivot: vec![usize::MAX; n],
@@ -93,8 +97,7 @@ impl QuotientGraph {
             for &e in &self.elements[i] {
                 if self.stamp[e] != p {
                     self.stamp[e] = p;
-                    self.members[e].retain(|&j| self.weight[j] > 0);
-                    self.outside[e] = self.members[e].iter().map(|&j| self.weight[j]).sum();
+                    self.outside[e] = self.size[e];
                 }
                 self.outside[e] -= self.weight[i];
             }
@@ -110,6 +113,7 @@ impl QuotientGraph {
             self.degree[i] = (size - weight[i] + elsewhere + plain).min(self.degree[i] + size - weight[i]);
             self.elements[i].push(p);
         }
+        self.size[p] = size;
         self.members[p] = self.merge(members);
         for &i in &self.members[p] {
             queue.insert((self.degree[i], i));
@@ -127,9 +131,6 @@ impl QuotientGraph {
                 self.in_pivot[i] = p;
                 members.push(i);
             }
-        }
-        for e in elements {
-            self.outside[e] = 0;
         }
         members
     }
