@@ -1,11 +1,14 @@
 //! Laws of the body model, on the mannequin.
 
+use crate::bodies::{self, Named};
+use crate::plain_body::plain_pose;
 use proptest::prelude::*;
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 use vitruvian_reference::body::mannequin::MIRRORED_JOINT;
 use vitruvian_reference::body::{BodyModel, mannequin};
 use vitruvian_reference::linalg::matrix::mul;
-use vitruvian_reference::linalg::vector::{Vector3, add, distance, lerp, sub};
+use vitruvian_reference::linalg::vector::{Vector3, add, distance, lerp, norm, scale, sub};
 use vitruvian_reference::rotation::{logarithm, rodrigues};
 
 fn body() -> &'static BodyModel {
@@ -130,6 +133,55 @@ proptest! {
             };
             let difference = reach(&a.vertices, direction) - reach(&b.vertices, mirrored(direction));
             prop_assert!(difference.abs() < 1e-12, "{difference:e}");
+        }
+    }
+}
+
+proptest! {
+    // Each case poses every body twice, one of them large.
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn forward_model_is_the_plain_one_in_every_corner(pose in bodies::pose(), betas in betas(), trans in trans()) {
+        for Named { name, body, .. } in bodies::bodies() {
+            let (posed, plain) = (body.pose(&pose, &betas, trans), plain_pose(body, &pose, &betas, trans));
+            prop_assert!(furthest(&posed.vertices, &plain.vertices) < 1e-13, "{name}");
+            prop_assert!(furthest(&posed.joints, &plain.joints) < 1e-13, "{name}");
+        }
+    }
+
+    #[test]
+    fn whole_turns_change_nothing(pose in bodies::pose(), betas in betas(), turns in prop::collection::vec(-2..=2i32, 24)) {
+        // θ and θ + 2π m n are one rotation, whether the turn is small, about π, or beyond 2π.
+        let mut further = pose.clone();
+        for (vector, m) in further.chunks_exact_mut(3).zip(turns) {
+            let angle = norm([vector[0], vector[1], vector[2]]);
+            if angle > 0.0 {
+                vector.iter_mut().for_each(|x| *x *= 1.0 + f64::from(m) * TAU / angle);
+            }
+        }
+        for Named { name, body, .. } in bodies::bodies() {
+            let (once, again) = (body.pose(&pose, &betas, [0.0; 3]), body.pose(&further, &betas, [0.0; 3]));
+            prop_assert!(furthest(&once.vertices, &again.vertices) < 1e-12, "{name}");
+            prop_assert!(furthest(&once.joints, &again.joints) < 1e-12, "{name}");
+        }
+    }
+
+    #[test]
+    fn small_turns_move_the_body_by_their_derivative(axes in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 24), betas in betas()) {
+        let pose: Vec<f64> = axes.concat().iter().map(|x| 1e-4 * x).collect();
+        for Named { name, body, skeleton } in bodies::bodies() {
+            let chosen: Vec<usize> = (0..body.vertex_count()).step_by(101).collect();
+            let rest = body.at_pose(skeleton, &[0.0; 72], &betas, &[], [0.0; 3]).vertex_derivatives(&chosen);
+            let back: Vec<f64> = pose.iter().map(|x| -x).collect();
+            let (there, back) = (body.pose(&pose, &betas, [0.0; 3]), body.pose(&back, &betas, [0.0; 3]));
+            let first_order = rest.by_pose.apply(&pose);
+            for (n, &i) in chosen.iter().enumerate() {
+                let half_way = scale(sub(there.vertices[i], back.vertices[i]), 0.5);
+                // What is left is of third order: (at most ten joints of 1.7·10⁻⁴ rad)³/6 times two metres.
+                let error = distance(half_way, [first_order[3 * n], first_order[3 * n + 1], first_order[3 * n + 2]]);
+                prop_assert!(error < 2e-9, "{name}, vertex {i}: {error:e}");
+            }
         }
     }
 }

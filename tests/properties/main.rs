@@ -1,8 +1,12 @@
 //! Laws.
 
+mod bodies;
 mod body;
+mod body_derivative;
+mod body_layouts;
 mod least_squares;
 mod nn;
+mod plain_body;
 mod rotation;
 mod silhouette;
 mod surface;

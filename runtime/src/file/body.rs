@@ -9,6 +9,9 @@
 //! | J_regressor | \[J,V\] | rest joints from rest vertices |
 //! | weights | \[V,J\] | linear blend skinning weights |
 //! | kintree_table | \[2,J\] | parents and joint numbers |
+//!
+//! SMPL, SMPL-H and SMPL-X alike: whatever else a file holds (texture coordinates, hand components, pickled
+//! dictionaries) is left packed. The keys of SMPL's first release are understood too.
 
 use std::path::Path;
 
@@ -17,6 +20,13 @@ use crate::error::{Error, Result};
 
 /// How far a row of skinning weights may sum from 1: converted models round to three or four digits.
 const WEIGHT_TOLERANCE: f64 = 1e-3;
+
+/// The keys of SMPL's first release, by those of today.
+const OLD_KEYS: [(&str, &[&str]); 3] = [
+    ("v_template", &["default_v", "template_v"]),
+    ("posedirs", &["blendshapes"]),
+    ("J_regressor", &["joint_regressor"]),
+];
 
 /// SMPL's arrays, checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,7 +73,9 @@ pub fn read(path: &Path) -> Result<BodyArrays> {
     let mut npz = Npz::open(path)?;
     let fail = |name: &str, message: String| Error::file(path, format!("array \"{name}\" {message}"));
     let mut array = |name: &str, shape: &[Option<usize>]| -> Result<(Vec<usize>, Vec<f64>)> {
-        let array = npz.shaped::<f64>(name, shape)?;
+        let old = OLD_KEYS.iter().filter(|(key, _)| *key == name).flat_map(|(_, old)| old.iter().copied());
+        let stored = [name].into_iter().chain(old).find(|key| npz.contains(key)).unwrap_or(name);
+        let array = npz.shaped::<f64>(stored, shape)?;
         if let Some(i) = array.values.iter().position(|x| !x.is_finite()) {
             return Err(fail(
                 name,
@@ -115,7 +127,7 @@ pub fn read(path: &Path) -> Result<BodyArrays> {
     Ok(BodyArrays { v_template, faces, shapedirs, posedirs, j_regressor, lbs_weights, parents })
 }
 
-/// SMPL writes the root's parent as 2³² − 1, others as −1; both are "no joint".
+/// SMPL writes the root's parent as 2³² − 1, others as −1 (2⁶⁴ − 1 where that is unsigned); all are "no joint".
 fn parents(of: &[f64], numbers: &[f64]) -> std::result::Result<Vec<Option<usize>>, String> {
     if let Some(k) = numbers.iter().enumerate().position(|(i, &n)| n != i as f64) {
         return Err(format!(
@@ -123,7 +135,7 @@ fn parents(of: &[f64], numbers: &[f64]) -> std::result::Result<Vec<Option<usize>
             numbers[k]
         ));
     }
-    let root = |p: f64| p < 0.0 || p == f64::from(u32::MAX);
+    let root = |p: f64| p < 0.0 || p == f64::from(u32::MAX) || p == u64::MAX as f64;
     of.iter()
         .enumerate()
         .map(|(i, &p)| match i {
@@ -140,7 +152,7 @@ fn parents(of: &[f64], numbers: &[f64]) -> std::result::Result<Vec<Option<usize>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::file::npy::Values;
+    use crate::file::npy::{self, Values};
     use crate::file::npz::{Named, write};
     use proptest::prelude::*;
 
@@ -185,6 +197,83 @@ mod tests {
         assert_eq!(body.faces, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!(body.v_template[1], [3.0, 4.0, 5.0]);
         assert!(fault("kintree_table", 0, -1.0).is_ok(), "−1 is a root too");
+    }
+
+    /// An archive of raw `.npy` members, as other writers make them.
+    fn archive(path: &Path, members: &[(&str, Vec<u8>)]) {
+        let mut zip = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
+        for (name, bytes) in members {
+            zip.start_file(format!("{name}.npy"), zip::write::SimpleFileOptions::default()).unwrap();
+            std::io::Write::write_all(&mut zip, bytes).unwrap();
+        }
+        zip.finish().unwrap();
+    }
+
+    /// What numpy.save writes for a Python object: a header of type '|O', then a pickle.
+    fn pickled() -> Vec<u8> {
+        let text = String::from_utf8_lossy(&npy::encode(&[], Values::F64(&[0.0]))[10..]).replace("<f8", "|O");
+        let header = text.split('\n').next().unwrap().to_owned() + " \n";
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(b"\x80\x03}q\x00X\x04\x00\x00\x00headq\x01K\x00s.");
+        bytes
+    }
+
+    /// A body of 4 vertices, 2 joints and 3 betas as the keys `names` in single precision, with unsigned 64-bit numbers.
+    fn members(names: [&'static str; 3]) -> Vec<(&'static str, Vec<u8>)> {
+        let f32s =
+            |shape: &[usize], x: f32| npy::encode(shape, Values::F32(&vec![x; shape.iter().product()]));
+        let unsigned = |bytes: Vec<u8>| {
+            let at = bytes.windows(3).position(|w| w == b"<i8").unwrap();
+            let mut bytes = bytes;
+            bytes[at..at + 3].copy_from_slice(b"<u8");
+            bytes
+        };
+        vec![
+            (names[0], f32s(&[4, 3], 0.25)),
+            ("f", unsigned(npy::encode(&[1, 3], Values::I64(&[0, 1, 3])))),
+            ("shapedirs", f32s(&[4, 3, 3], 0.5)),
+            (names[1], f32s(&[4, 3, 9], 0.125)),
+            (names[2], f32s(&[2, 4], 0.25)),
+            ("weights", f32s(&[4, 2], 0.5)),
+            ("kintree_table", unsigned(npy::encode(&[2, 2], Values::I64(&[-1, 0, 0, 1])))),
+        ]
+    }
+
+    #[test]
+    fn keys_of_the_first_release_and_numbers_of_other_types_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("body.npz");
+        archive(&path, &members(["v_template", "posedirs", "J_regressor"]));
+        let today = read(&path).unwrap();
+        assert_eq!((today.vertex_count(), today.joint_count(), today.beta_count()), (4, 2, 3));
+        assert_eq!((&today.parents[..], &today.faces[..]), (&[None, Some(0)][..], &[[0, 1, 3]][..]));
+        for names in
+            [["default_v", "blendshapes", "joint_regressor"], ["template_v", "posedirs", "J_regressor"]]
+        {
+            archive(&path, &members(names));
+            assert_eq!(read(&path).unwrap(), today, "{names:?}");
+        }
+    }
+
+    #[test]
+    fn pickled_objects_that_nobody_asks_for_do_no_harm() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("body.npz");
+        let needed = members(["v_template", "posedirs", "J_regressor"]);
+        let mut all = vec![("part2num", pickled()), ("bs_type", b"no array at all".to_vec())];
+        all.extend(needed.clone());
+        all.push(("joint2num", pickled()));
+        archive(&path, &all);
+        assert!(read(&path).is_ok());
+        // Asked for, they are refused by name.
+        let wanted = all
+            .into_iter()
+            .map(|(name, bytes)| (name, if name == "J_regressor" { pickled() } else { bytes }));
+        archive(&path, &wanted.collect::<Vec<_>>());
+        let message = read(&path).unwrap_err().to_string();
+        assert!(message.contains("\"J_regressor\"") && message.contains("pickled"), "{message}");
     }
 
     #[test]
