@@ -46,6 +46,7 @@
 //! | ch. 2, projection | 2.3 (erratum E7) | [`camera::Pinhole`] |
 //! | ch. 2 and 3, minimisation by Powell's dogleg | – (chumpy's rules) | [`least_squares`] |
 //! | ch. 2, error of joints | 2.7 | [`metric::joints`] |
+//! | ch. 3, un-posing | 3.6 (erratum E10) | [`body::unposing`] |
 //! | ch. 3, rays and outlines | 3.5–3.8 | [`plucker`], [`silhouette`] |
 //! | ch. 3, smoothness of offsets | 3.9 | [`surface::laplacian`] |
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |

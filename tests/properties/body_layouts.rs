@@ -53,6 +53,7 @@ fn body(parents: &[i64], betas: usize, unsigned_root: bool) -> BodyModel {
     let root = if unsigned_root { i64::from(u32::MAX) } else { -1 };
     let tree: Vec<i64> = parents.iter().map(|&p| if p < 0 { root } else { p }).chain(0..j as i64).collect();
     let faces: Vec<u32> = (0..v as u32).collect();
+    let (face_shape, tree_shape) = ([v / 3, 3], [2, j]);
     let scaled = |x: Vec<f64>, s: f64| -> Vec<f64> { x.iter().map(|x| s * x).collect() };
     let numbers = [
         ("v_template", vec![v, 3], noise(3 * v, 1.0)),
@@ -67,8 +68,8 @@ fn body(parents: &[i64], betas: usize, unsigned_root: bool) -> BodyModel {
         .iter()
         .map(|(name, shape, values)| Named { name, shape, values: Values::F64(values) })
         .collect();
-    arrays.push(Named { name: "f", shape: &[v / 3, 3], values: Values::U32(&faces) });
-    arrays.push(Named { name: "kintree_table", shape: &[2, j], values: Values::I64(&tree) });
+    arrays.push(Named { name: "f", shape: &face_shape, values: Values::U32(&faces) });
+    arrays.push(Named { name: "kintree_table", shape: &tree_shape, values: Values::I64(&tree) });
     write(&path, &arrays).expect("written");
     body_to_reference(vitruvian_runtime::file::body::read(&path).expect("a body model"))
 }
