@@ -28,6 +28,8 @@ pub mod result;
 pub mod scene;
 pub mod shape_jacobian;
 pub mod shape_problem;
+#[cfg(test)]
+mod tests;
 pub mod unfold;
 
 pub use options::{PoseRefinement, Schedule, ShapeStage, SilhouetteOptions, Terms, Unknowns};
