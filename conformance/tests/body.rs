@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
-use vitruvian_conformance::suite::body::{FAULTS, Skinning, human_frames, ordinary, skinning};
+use vitruvian_conformance::suite::body::Skinning;
+use vitruvian_conformance::suite::body::faults::FAULTS;
+use vitruvian_conformance::suite::body::problems::{human_frames, ordinary, skinning};
 use vitruvian_conformance::{convert, tolerance};
 use vitruvian_reference::body::mannequin;
 use vitruvian_runtime::file::body;
