@@ -1,7 +1,7 @@
 //! Pose, shape and translation from outlines and keypoints: one round of our extension of chapter 3.
 //!
 //! ```text
-//! E(θ, β, t) = Σ ρ(n·(Π(s(θ, β, t)) − c))/σ_c² + Σ ‖w (Π(J(θ, β, t)) − k)‖²/σ_k² + ‖θ − θ₀‖²/σ_θ² + ‖β‖²
+//! E(θ, β, t) = Σ ρ(n·(Π(s(θ, β, t)) − c))/σ_c² + Σ w² ρ(Π(J(θ, β, t)) − k)/σ_k² + ‖θ − θ₀‖²/σ_θ² + ‖β‖²
 //! ```
 //!
 //! c is a point of a mask's outline with the normal n, s the point of the body's outline that belongs to it, k a keypoint.
@@ -61,6 +61,13 @@ pub struct Sigmas {
     pub keypoint_px: f64,
     /// σ_θ, radians; the root is free.
     pub pose_rad: f64,
+}
+
+impl Sigmas {
+    /// Where a keypoint's error begins to count as a wrong detection rather than noise: five standard deviations.
+    fn keypoint_robust_px(&self) -> f64 {
+        5.0 * self.keypoint_px
+    }
 }
 
 /// One round's problem; x is θ (3J), β (B), t (3).
@@ -173,7 +180,8 @@ impl Problem for OutlineProblem<'_> {
         for pair in self.keypoints {
             let [u, v] = self.cameras[pair.view].project(self.keypoint(&pair.point, &joints, &places))?;
             let weight = pair.weight / self.sigmas.keypoint_px;
-            r.extend([weight * (u - pair.pixel_px[0]), weight * (v - pair.pixel_px[1])]);
+            let robust = |miss: f64| weight * robust_loss::residual(miss, self.sigmas.keypoint_robust_px());
+            r.extend([robust(u - pair.pixel_px[0]), robust(v - pair.pixel_px[1])]);
         }
         r.extend(pose.iter().zip(self.prior_pose).skip(3).map(|(t, t0)| (t - t0) / self.sigmas.pose_rad));
         r.extend(betas);
@@ -223,10 +231,18 @@ impl Problem for OutlineProblem<'_> {
         for pair in self.keypoints {
             let rows = [(); 2].map(|()| next.next().expect("two rows for every keypoint"));
             let place = self.keypoint(&pair.point, &joints, &places);
-            let Some(pixel) = self.cameras[pair.view].project_derivative(place) else { continue };
+            let camera = &self.cameras[pair.view];
+            let (Some(at), Some(pixel)) = (camera.project(place), camera.project_derivative(place)) else {
+                continue;
+            };
             for (c, row) in rows.into_iter().enumerate() {
+                let weight = pair.weight / self.sigmas.keypoint_px
+                    * robust_loss::residual_derivative(
+                        at[c] - pair.pixel_px[c],
+                        self.sigmas.keypoint_robust_px(),
+                    );
                 for axis in 0..3 {
-                    let slope = pixel.point[c][axis] * pair.weight / self.sigmas.keypoint_px;
+                    let slope = pixel.point[c][axis] * weight;
                     match &pair.point {
                         BodyPoint::Vertex(vertex) => {
                             let at = 3 * self.slot(*vertex as u32) + axis;

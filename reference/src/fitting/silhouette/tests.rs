@@ -6,13 +6,14 @@ use super::scene::Scene;
 use super::shape_problem::{ShapeProblem, Weights};
 use super::unfold::VOLUME_TOLERANCE;
 use super::*;
+use crate::body::blend_shapes::shape_blend;
 use crate::body::mannequin;
 use crate::camera::Pinhole;
 use crate::fitting::keypoint_set::BodyPoint;
 use crate::fitting::{Extrinsics, Keypoint, KeypointSet, View};
-use crate::least_squares::Jacobian;
+use crate::least_squares::{Jacobian, Problem};
 use crate::linalg::matrix::mul;
-use crate::linalg::vector::{cross, distance, dot, norm, sub};
+use crate::linalg::vector::{Vector3, cross, distance, dot, norm, sub};
 use crate::rotation::rodrigues;
 use crate::silhouette::raster::Raster;
 use crate::surface::mesh::Mesh;
@@ -184,6 +185,10 @@ fn masks_that_show_something_else_are_refused() {
     assert!(matches!(lost, SilhouetteRefusal::BadStart { .. }), "{lost}");
     let behind = refusal(&|_, start| start.trans[2] = 50.0);
     assert!(matches!(behind, SilhouetteRefusal::MaskDisagrees { .. }), "{behind}");
+    let short = keypoints(&truth, 0.0);
+    let two = Observation { views: short.views[..2].to_vec(), ..short };
+    let views = fit_silhouettes(body(), &truth, &good, Some(&two), &refining()).expect_err("a refusal");
+    assert!(matches!(views, SilhouetteRefusal::BadStart { .. }), "{views}");
     let none = refusal(&|masks, start| (masks.clear(), start.cameras.clear()).1);
     assert_eq!(none, SilhouetteRefusal::NoViews);
 }
