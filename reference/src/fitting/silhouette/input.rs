@@ -75,7 +75,8 @@ pub fn agreement(scene: &Scene, state: &State, masks: &[Mask]) -> Result<Vec<f64
     let joints = state.joints();
     for (view, (mask, &iou)) in masks.iter().zip(&overlaps).enumerate() {
         let near = dilate(mask, MARGIN);
-        let inside = |joint: &&_| scene.cameras[view].project(**joint).is_some_and(|pixel| near.holds(pixel));
+        let inside =
+            |joint: &&_| scene.cameras()[view].project(**joint).is_some_and(|pixel| near.holds(pixel));
         let joints_outside = joints.len() - joints.iter().filter(inside).count();
         // A body that the image cuts off has joints outside of every mask: then the overlap decides alone.
         let cut_off = mask.touches_border();

@@ -43,7 +43,7 @@ use self::regulariser::Regulariser;
 use self::scene::Scene;
 use self::shape_stage::shape_stage;
 use self::state::State;
-use super::{Observation, Parameters};
+use super::{Extrinsics, Observation, Parameters};
 use crate::body::BodyModel;
 use crate::linalg::vector::ZERO;
 use crate::silhouette::Mask;
@@ -51,11 +51,15 @@ use crate::silhouette::Mask;
 /// Fits shape, and if asked pose, to the masks of N views, starting from the joint fit.
 ///
 /// `start` brings θ, β, trans and the N cameras; `masks` one mask for each camera; `keypoints` the observation that the
-/// joint fit was made of (same views), which the pose refinement weighs against the outlines; None leaves them out.
+/// joint fit was made of (same views), which the pose refinement weighs against the outlines; None leaves them out. If its
+/// extrinsics are unknown the refinement moves all cameras but the first as well.
 ///
 /// # Errors
 /// A [`SilhouetteRefusal`] for masks without an outline, masks that show something else than the start, and starts that
 /// are none.
+///
+/// # Panics
+/// If the body is not consistent, or offsets are free and a stage has no positive ω_B.
 pub fn fit_silhouettes(
     body: &BodyModel,
     start: &Parameters,
@@ -66,7 +70,7 @@ pub fn fit_silhouettes(
     let warnings = input::check(body, start, masks, keypoints)?;
     let mut betas = start.betas.clone();
     betas.resize(body.beta_count(), 0.0);
-    let scene = Scene::new(body, &start.cameras, masks);
+    let mut scene = Scene::new(body, &start.cameras, masks);
     let mut state = State {
         body,
         skeleton: body.skeleton(),
@@ -80,14 +84,21 @@ pub fn fit_silhouettes(
     let mut stages = Vec::new();
     if let Some(refinement) = options.refine_pose.as_ref().filter(|refinement| refinement.rounds > 0) {
         let pairs = keypoints.map(|observation| input::keypoint_pairs(body, observation)).unwrap_or_default();
-        stages.push(pose_stage(&mut state, &scene, &pairs, refinement));
+        // Cameras that the joint fit has found are no better known than the joints.
+        let cameras_free = keypoints.is_some_and(|observation| observation.extrinsics == Extrinsics::Unknown);
+        stages.push(pose_stage(&mut state, &mut scene, &pairs, cameras_free, refinement));
     }
     let prior_betas = state.betas.clone();
-    let free = options.unknowns == Unknowns::BetasAndOffsets && !options.stages.is_empty();
-    let mut regulariser = free.then(|| Regulariser::of(&state.shaped(), &body.faces));
+    let mut regulariser: Option<Regulariser> = None;
     for k in 0..options.stages.len() {
+        if options.unknowns == Unknowns::BetasAndOffsets {
+            let (shaped, faces) = (state.shaped(), &body.faces);
+            regulariser = Some(match &regulariser {
+                Some(before) => before.of_moved(&shaped, faces),
+                None => Regulariser::of(&shaped, faces),
+            });
+        }
         stages.push(shape_stage(&mut state, &scene, &prior_betas, regulariser.as_ref(), k, options));
-        regulariser = regulariser.map(|before| before.of_moved(&state.shaped(), &body.faces));
     }
 
     let vertices = state.vertices();
@@ -100,7 +111,7 @@ pub fn fit_silhouettes(
             pose: state.pose,
             betas: state.betas,
             trans: state.trans,
-            cameras: start.cameras.clone(),
+            cameras: scene.cameras().to_vec(),
         },
         offsets: state.offsets,
         stages,

@@ -17,11 +17,12 @@ const STEPS_PER_ROUND: usize = 2;
 /// Of the last round, which is to end at its minimum.
 const LAST_ROUND_STEPS: usize = 30;
 
-/// Pose, shape and translation to outlines and keypoints; undone if it lowers the overlap.
+/// Pose, shape and translation, and if they are free the cameras, to outlines and keypoints; undone if it lowers the overlap.
 pub fn pose_stage(
     state: &mut State,
-    scene: &Scene,
+    scene: &mut Scene,
     keypoints: &[KeypointPair],
+    cameras_free: bool,
     options: &PoseRefinement,
 ) -> SilhouetteStage {
     let prior_pose = state.pose.clone();
@@ -37,7 +38,7 @@ pub fn pose_stage(
         damping: Damping::NONE,
         reverted: false,
     };
-    let before = (state.pose.clone(), state.betas.clone(), state.trans);
+    let before = (state.pose.clone(), state.betas.clone(), state.trans, scene.cameras().to_vec());
     let mut overlap_before = None;
     for round in 0..options.rounds {
         let last = round + 1 == options.rounds;
@@ -60,15 +61,15 @@ pub fn pose_stage(
         let problem = OutlineProblem::new(
             state.body,
             &state.skeleton,
-            scene.cameras,
+            scene.cameras(),
+            cameras_free,
             &state.offsets,
             &pairs,
             keypoints,
             &prior_pose,
             sigmas,
         );
-        let start: Vec<f64> =
-            [&state.pose, &state.betas, &state.trans.to_vec()].into_iter().flatten().copied().collect();
+        let start = problem.start(&state.pose, &state.betas, state.trans);
         let solution = dogleg.minimize(&problem, &start);
         report.energy_before = energy(&problem, &start);
         report.energy = solution.energy;
@@ -76,14 +77,17 @@ pub fn pose_stage(
         report.evaluations += solution.evaluations;
         report.termination = solution.termination;
         report.correspondences = pairs.len();
-        let (pose, rest) = solution.x.split_at(state.pose.len());
-        let (betas, trans) = rest.split_at(state.betas.len());
-        (state.pose, state.betas) = (pose.to_vec(), betas.to_vec());
-        state.trans = [trans[0], trans[1], trans[2]];
+        let (pose, betas, trans, cameras) = problem.finish(&solution.x);
+        (state.pose, state.betas, state.trans) = (pose, betas, trans);
+        if cameras_free {
+            scene.set_cameras(cameras);
+        }
     }
     report.iou = scene.iou(&state.vertices());
     if overlap_before.is_some_and(|overlap| report.iou.iter().sum::<f64>() < overlap) {
-        (state.pose, state.betas, state.trans) = before;
+        let (pose, betas, trans, cameras) = before;
+        (state.pose, state.betas, state.trans) = (pose, betas, trans);
+        scene.set_cameras(cameras);
         report.reverted = true;
         report.iou = scene.iou(&state.vertices());
     }

@@ -111,7 +111,7 @@ impl Regulariser {
     }
 }
 
-/// κ; 1 for a vertex without faces.
+/// κ; 1 for a vertex without edges of any length.
 fn multipliers(vertices: &[Vector3], faces: &[[u32; 3]]) -> Vec<f64> {
     let mut lengths = vec![(0.0, 0.0); vertices.len()];
     let (mut total, mut count) = (0.0, 0.0);
@@ -129,7 +129,7 @@ fn multipliers(vertices: &[Vector3], faces: &[[u32; 3]]) -> Vec<f64> {
     let mean = total / count;
     lengths
         .into_iter()
-        .map(|(sum, n)| if n > 0.0 { (mean * n / sum).clamp(1.0, LARGEST_MULTIPLIER) } else { 1.0 })
+        .map(|(sum, n)| if sum > 0.0 { (mean * n / sum).clamp(1.0, LARGEST_MULTIPLIER) } else { 1.0 })
         .collect()
 }
 

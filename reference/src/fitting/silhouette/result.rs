@@ -60,7 +60,7 @@ impl fmt::Display for Warning {
 /// A body fitted to silhouettes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SilhouetteFit {
-    /// θ, β, trans and the cameras (as given).
+    /// θ, β, trans and the cameras: as given, unless their extrinsics are unknown and the pose was refined.
     pub parameters: Parameters,
     /// D, V×3 metres in the zero pose; zeros if they were not unknowns.
     pub offsets: Vec<Vector3>,

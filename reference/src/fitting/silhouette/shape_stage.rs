@@ -33,7 +33,7 @@ pub fn shape_stage(
     let problem = ShapeProblem::new(
         state.body,
         &state.posed(&offsets),
-        scene.cameras,
+        scene.cameras(),
         &pairs,
         with_pixels,
         &betas,
