@@ -5,15 +5,17 @@
 //! are the crates below it.
 
 pub mod body;
+mod captures;
 mod dataset;
 mod demo;
 mod evaluate;
 pub mod failure;
+mod fit;
 mod mesh;
 mod mesh_format;
 mod output_folder;
 mod pose;
-mod progress;
+pub mod progress;
 mod reconstruct;
 pub mod synthesis;
 mod synthesize;
@@ -38,6 +40,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Demo(demo::Arguments),
+    Fit(fit::Arguments),
     Reconstruct(reconstruct::Arguments),
     Pose(pose::Arguments),
     Mesh(mesh::Arguments),
@@ -51,6 +54,7 @@ enum Command {
 pub fn run() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Fit(arguments) => fit::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Pose(arguments) => pose::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),

@@ -82,8 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     bar.finish_and_clear();
     let Counts { vertices, joints, .. } = counts;
-    let frames = if frames == 1 { "1 frame".into() } else { format!("{frames} frames") };
-    eprintln!("{written}: {frames} of {vertices} vertices and {joints} joints");
+    eprintln!("{written}: {frames} frames of {vertices} vertices and {joints} joints");
     Ok(())
 }
 

@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use vitruvian_runtime::capture::{Capture, Needs, picture};
-use vitruvian_runtime::error::Error;
 use vitruvian_runtime::file::{self, atomic};
 use vitruvian_runtime::implicit_field::{MAX_DENSE_RESOLUTION, MAX_RESOLUTION, Mode};
 use vitruvian_runtime::reconstruct::{Options, Reconstructor};
 use vitruvian_runtime::session::Settings;
 
 use self::body_capture::BodyCapture;
+use crate::captures::{self, Job};
 use crate::failure::{Failure, Result};
 use crate::mesh_format::MeshFormat;
 use crate::output_folder::OutputFolder;
@@ -52,14 +52,14 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     OutputFolder::check(&arguments.out)?;
     let options = options(arguments.resolution, arguments.dense)?;
-    let jobs = jobs(&arguments.capture, &arguments.out)?;
+    let jobs = captures::jobs(&arguments.capture, &arguments.out)?;
     // Everything that can be wrong with the captures is said before the first network runs.
-    for (capture, _) in &jobs {
-        Capture::read(capture, Needs::RECONSTRUCTION)?;
+    for job in &jobs {
+        Capture::read(&job.capture, Needs::RECONSTRUCTION)?;
     }
     let mut networks = Networks::load(arguments.models.as_deref(), !arguments.no_refine)?;
     let mut failures = Vec::new();
-    for (number, (capture, out)) in jobs.iter().enumerate() {
+    for (number, Job { capture, out }) in jobs.iter().enumerate() {
         let subject =
             if jobs.len() > 1 { format!("capture {} of {}", number + 1, jobs.len()) } else { String::new() };
         let done = one(capture, out, &mut networks, &options, arguments.format, subject);
@@ -186,20 +186,4 @@ fn stale(done: &BodyCapture, format: MeshFormat) -> Vec<&'static str> {
     let extension = format.format().extension();
     let written = |name: &str, ext: &str| ext == extension && done.surfaces().any(|(n, _)| n == name);
     MESHES.iter().filter(|(_, name, ext)| !written(name, ext)).map(|(file, _, _)| *file).collect()
-}
-
-/// Each capture with the folder for its results.
-fn jobs(capture: &Path, out: &Path) -> Result<Vec<(PathBuf, PathBuf)>> {
-    let is_capture = |path: &Path| ["cameras.json", "intri.yml"].iter().any(|name| path.join(name).is_file());
-    if !is_capture(capture) && capture.is_dir() {
-        let entries = std::fs::read_dir(capture).map_err(|e| Error::io(capture, e))?;
-        let mut folders: Vec<PathBuf> =
-            entries.flatten().map(|entry| entry.path()).filter(|path| is_capture(path)).collect();
-        folders.sort();
-        if !folders.is_empty() {
-            let named = |folder: PathBuf| Some((out.join(folder.file_name()?), folder));
-            return Ok(folders.into_iter().filter_map(named).map(|(out, folder)| (folder, out)).collect());
-        }
-    }
-    Ok(vec![(capture.to_owned(), out.to_owned())])
 }

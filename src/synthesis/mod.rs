@@ -8,8 +8,10 @@ pub mod clothing;
 pub mod pose;
 pub mod rig;
 pub mod scene;
+pub mod subject;
 
 pub use scene::{Scene, Settings};
+pub use subject::{Stance, Subject};
 
 use rand_chacha::ChaCha8Rng;
 

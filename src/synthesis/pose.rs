@@ -33,6 +33,19 @@ pub fn random_pose(rng: &mut impl Rng, rest_joints: &[Vector3], clear: impl Fn(&
     pose
 }
 
+/// Draws a heading for a body that stands in the A-pose: upper arms 45° down to the sides, forearms in line with them,
+/// everything else at rest. θ \[72\]; `rest_joints` as for [`random_pose`].
+pub fn a_pose(rng: &mut impl Rng, rest_joints: &[Vector3]) -> Vec<f64> {
+    let mut rotations = vec![rodrigues([0.0; 3]); 24];
+    rotations[0] = about(Y, rng.random_range(0.0..std::f64::consts::TAU));
+    for (side, [shoulder, elbow, wrist]) in [(1.0, [16, 18, 20]), (-1.0, [17, 19, 21])] {
+        let upper = normalize(sub(rest_joints[elbow], rest_joints[shoulder]));
+        rotations[shoulder] = smallest_rotation(upper, normalize([side, -1.0, 0.0]));
+        rotations[elbow] = hinge(rest_joints, [shoulder, elbow, wrist], Y, 0.0);
+    }
+    rotations.iter().flat_map(logarithm).collect()
+}
+
 fn draw(rng: &mut impl Rng, rest: &[Vector3]) -> Vec<f64> {
     let mut rotations = vec![rodrigues([0.0; 3]); 24];
     let heading = rng.random_range(0.0..std::f64::consts::TAU);

@@ -6,6 +6,7 @@ mod bad_input;
 mod command;
 mod demo;
 mod evaluate;
+mod fit;
 mod mesh;
 mod pose;
 mod real_body;

@@ -22,6 +22,7 @@
 //! Li 2021, ch. 2 and ch. 3 §3.2; Bogo, Kanazawa, Lassner, Gehler, Romero, Black 2016, "Keep it SMPL".
 
 pub mod camera_init;
+pub mod coherence;
 pub mod energy;
 pub mod figure;
 pub mod inverse_kinematics;

@@ -1,5 +1,6 @@
 //! The fit of chapter 2: start, stages, polish, verdict.
 
+use super::coherence::coherence;
 use super::energy::{BendTerm, Energy};
 use super::figure::Figure;
 use super::keypoint_residuals::{Detection, KeypointResiduals};
@@ -358,7 +359,14 @@ impl Run<'_> {
         let missing = |(k, keypoint): (usize, &Option<_>)| keypoint.is_none().then_some(k);
         Ok(Fit {
             joints: joints.into_iter().map(|p| add(p, parameters.trans)).collect(),
-            verdict: verdict(self.figure, &self.fitter.hinges, &parameters, &views, termination),
+            verdict: verdict(
+                self.figure,
+                &self.fitter.hinges,
+                &parameters,
+                &views,
+                coherence(self.figure, self.detections, &errors),
+                termination,
+            ),
             energy: last.map_or(f64::NAN, |s| s.energy),
             left_out: self.figure.keypoints().iter().enumerate().filter_map(missing).collect(),
             parameters,

@@ -83,7 +83,7 @@ pub enum Refusal {
         /// What is wrong.
         fault: &'static str,
     },
-    /// Fewer than [`LEAST_KEYPOINTS`] different keypoints are usable in all views together.
+    /// Fewer than [`LEAST_KEYPOINTS`] different keypoints, at different places, are usable in all views together.
     TooFewKeypoints {
         /// How many are.
         usable: usize,
@@ -131,12 +131,13 @@ impl fmt::Display for Refusal {
             Refusal::TooFewKeypoints { usable } => {
                 write!(
                     f,
-                    "{usable} usable keypoints in all views together; at least {LEAST_KEYPOINTS} are needed"
+                    "{usable} usable keypoints at different places in all views together; at least {LEAST_KEYPOINTS} are needed"
                 )
             }
             Refusal::TooFewKeypointsInView { view, usable } => write!(
                 f,
-                "{usable} usable keypoints in view {view}; at least {LEAST_KEYPOINTS} are needed to find its camera"
+                "{usable} usable keypoints at different places in view {view}; at least {LEAST_KEYPOINTS} are needed to find its \
+                 camera"
             ),
             Refusal::PriorSize { found, expected } => {
                 write!(
@@ -187,13 +188,20 @@ impl Observation {
             .iter()
             .map(|v| v.keypoints.iter().enumerate().map(|(k, found)| weight(k, found)).collect())
             .collect();
-        let usable = (0..expected).filter(|&k| weights.iter().any(|view| view[k] > 0.0)).count();
+        // Marks at one and the same place (a detector's default, a collapsed picture) say no more than one of them.
+        let says_something = |view: usize, k: usize| {
+            let marks = &self.views[view].keypoints;
+            let is_repeated = |j: usize| weights[view][j] > 0.0 && marks[j].pixel_px == marks[k].pixel_px;
+            weights[view][k] > 0.0 && !(0..k).any(is_repeated)
+        };
+        let usable =
+            (0..expected).filter(|&k| (0..weights.len()).any(|view| says_something(view, k))).count();
         if usable < LEAST_KEYPOINTS {
             return Err(Refusal::TooFewKeypoints { usable });
         }
         if self.extrinsics == Extrinsics::Unknown {
-            for (view, weights) in weights.iter().enumerate() {
-                let usable = weights.iter().filter(|&&w| w > 0.0).count();
+            for view in 0..weights.len() {
+                let usable = (0..expected).filter(|&k| says_something(view, k)).count();
                 if usable < LEAST_KEYPOINTS {
                     return Err(Refusal::TooFewKeypointsInView { view, usable });
                 }
@@ -229,7 +237,8 @@ mod tests {
     use crate::body::mannequin;
 
     fn observation() -> Observation {
-        let keypoints = vec![Keypoint { pixel_px: [10.0, 20.0], confidence: 0.5 }; 24];
+        let keypoint = |k: u8| Keypoint { pixel_px: [10.0 + f64::from(k), 20.0], confidence: 0.5 };
+        let keypoints: Vec<Keypoint> = (0..24).map(keypoint).collect();
         let camera = Pinhole::ideal(500.0, [160.0, 120.0]);
         Observation {
             views: vec![View { camera, keypoints }; 2],
@@ -254,7 +263,7 @@ mod tests {
     #[test]
     fn refusals_name_the_view_and_the_keypoint() {
         let nan = refusal(|o| o.views[1].keypoints[16].pixel_px[1] = f64::NAN);
-        assert!(nan.contains("view 1, keypoint 16 (left_shoulder) is (10, NaN)"), "{nan}");
+        assert!(nan.contains("view 1, keypoint 16 (left_shoulder) is (26, NaN)"), "{nan}");
         let negative = refusal(|o| o.views[0].keypoints[3].confidence = -0.1);
         assert!(negative.contains("view 0, keypoint 3 (spine1)") && negative.contains("-0.1"), "{negative}");
         let short = refusal(|o| o.views[1].keypoints.truncate(23));
@@ -276,10 +285,14 @@ mod tests {
             keep(o, 1, 2);
         });
         assert!(total.starts_with("3 usable keypoints"), "{total}");
+        let one_place = refusal(|o| {
+            o.views.iter_mut().flat_map(|v| &mut v.keypoints).for_each(|k| k.pixel_px = [160.0, 120.0]);
+        });
+        assert!(one_place.starts_with("1 usable keypoints at different places"), "{one_place}");
         let one_view = refusal(|o| {
             o.extrinsics = Extrinsics::Unknown;
             keep(o, 1, 3);
         });
-        assert!(one_view.contains("3 usable keypoints in view 1"), "{one_view}");
+        assert!(one_view.contains("3 usable keypoints at different places in view 1"), "{one_view}");
     }
 }

@@ -10,10 +10,15 @@ use crate::linalg::vector::{add, norm};
 /// A view disagrees if half of its marks are farther from the body than this fraction of the body's size in the picture.
 /// Detectors miss by one to three hundredths.
 const FAR: f64 = 0.05;
+/// Errors that neighbours share are not a detector's (see [`coherence`]); then this much is too far already. Detectors and
+/// skeletons may disagree by a hundredth on where a joint is.
+const FAR_TOGETHER: f64 = 0.01;
+/// Noise reaches 0.1 in a hundred fits; bodies of other people 0.7 and more.
+const TOGETHER: f64 = 0.5;
 /// No body of a model's training set is this many standard deviations from the mean.
 const MOST_DEVIATIONS: f64 = 5.0;
-/// Elbows and knees do not bend backwards by more than this, radians (45°).
-const MOST_BACKWARD_RAD: f64 = 0.8;
+/// Elbows and knees do not bend backwards by more than this, radians (70°); short of it the marks are believed.
+const MOST_BACKWARD_RAD: f64 = 1.2;
 /// No joint but the root turns farther than this, radians (160°); those of the trunk not farther than a right angle.
 const MOST_TURN_RAD: f64 = 2.8;
 const MOST_TURN_OF_TRUNK_RAD: f64 = 1.57;
@@ -73,14 +78,16 @@ pub fn verdict(
     hinges: &[Hinge],
     parameters: &Parameters,
     views: &[ViewResidual],
+    coherence: Option<f64>,
     termination: Termination,
 ) -> Verdict {
+    let most = if coherence > Some(TOGETHER) { FAR_TOGETHER } else { FAR };
     let far: Vec<usize> = views
         .iter()
         .zip(sizes_px(figure, parameters))
         .enumerate()
         .filter(|(_, (view, size))| {
-            view.count > 0 && (view.median_px.is_nan() || view.median_px > FAR * size)
+            view.count > 0 && (view.median_px.is_nan() || view.median_px > most * size)
         })
         .map(|(i, _)| i)
         .collect();

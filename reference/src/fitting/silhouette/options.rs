@@ -117,11 +117,11 @@ pub struct PoseRefinement {
 impl Default for PoseRefinement {
     fn default() -> PoseRefinement {
         PoseRefinement {
-            rounds: 10,
+            rounds: 12,
             keypoint_sigma_px: 2.0,
-            contour_sigma_px: 1.0,
-            reach_px: [10.0, 2.0],
-            pose_sigma_rad: 0.2,
+            contour_sigma_px: 0.7,
+            reach_px: [12.0, 3.0],
+            pose_sigma_rad: 0.3,
         }
     }
 }

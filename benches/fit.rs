@@ -1,0 +1,52 @@
+//! What a fit costs, on one thread: chapter 2 with four views, cameras known and unknown; posing a body.
+//!
+//! ```text
+//! cargo bench --bench fit                               the mannequin
+//! VITRUVIAN_BODY=BODY.npz cargo bench --bench fit       another body
+//! ```
+//! Twenty people; an iteration fits the next one, so the printed time is that of a typical person. Peers: the thesis gives
+//! about two minutes for each chapter's fit (i5-6500).
+
+use std::hint::black_box;
+use std::path::PathBuf;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use vitruvian::body;
+use vitruvian::synthesis::{Stance, Subject};
+use vitruvian_reference::fitting::multiview_smplify::MultiviewSmplify;
+use vitruvian_reference::fitting::{Extrinsics, Options};
+
+/// People of the benches; their noise is that of a good detector.
+const PEOPLE: u64 = 20;
+const SEED: u64 = 31;
+const NOISE_PX: f64 = 2.0;
+
+fn fits(criterion: &mut Criterion) {
+    let path = std::env::var_os("VITRUVIAN_BODY").map(PathBuf::from);
+    let body = body::load_to_pose(path.as_deref()).expect("VITRUVIAN_BODY is a body of 24 joints");
+    let fitter = MultiviewSmplify::new(&body).expect("a body with SMPL's tree");
+    let people: Vec<Subject> =
+        (0..PEOPLE).map(|index| Subject::random(&body, Stance::Any, 4, SEED, index)).collect();
+    for (name, extrinsics) in [("known", Extrinsics::Known), ("unknown", Extrinsics::Unknown)] {
+        for (noise, noise_px) in [("exact", 0.0), ("2 px", NOISE_PX)] {
+            let seen: Vec<_> = people.iter().map(|p| p.observation(noise_px, extrinsics)).collect();
+            let mut next = seen.iter().cycle();
+            criterion.bench_function(&format!("multiview-smplify, 4 views, {name} cameras, {noise}"), |b| {
+                b.iter(|| {
+                    let observation = next.next().expect("a cycle has no end");
+                    black_box(fitter.fit(observation, &Options::default(), None))
+                });
+            });
+        }
+    }
+    let mut next = people.iter().cycle();
+    criterion.bench_function("reference pose, one frame", |b| {
+        b.iter(|| {
+            let person = next.next().expect("a cycle has no end");
+            black_box(body.pose(&person.pose, &person.betas, person.trans))
+        });
+    });
+}
+
+criterion_group!(benches, fits);
+criterion_main!(benches);

@@ -1,0 +1,162 @@
+//! `vitruvian fit`: pose, shape and cameras of the person that a capture shows.
+
+mod fitted;
+mod observed;
+mod overlay;
+mod report;
+mod sequence;
+mod settings;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use vitruvian_reference::fitting::Parameters;
+use vitruvian_runtime::error::Error;
+
+use self::fitted::Fitted;
+use self::observed::Observed;
+use self::settings::{Cameras, Method, Settings, Shape, Sigmas, StartMode};
+use crate::captures::{self, Job};
+use crate::failure::{Failure, Result};
+use crate::mesh_format::MeshFormat;
+use crate::output_folder::OutputFolder;
+use crate::{body, progress};
+
+/// Fit a body to a capture: joints of several views (chapter 2), then silhouettes (chapter 3)
+///
+/// Writes params.npz (poses, betas, trans, cameras), body.ply, joints.npz, report.json and overlay_NAME.png into OUT. A
+/// folder of captures is a sequence of one person: each frame starts from the one before, results go to a folder for each,
+/// and all frames together to OUT/params.npz, joints.npz and report.json. Exit status 1: a body was found and written, but
+/// the report says why it is not to be trusted.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Capture (a folder with cameras.json and keypoints/, or masks/ as well), or a folder of captures
+    capture: PathBuf,
+    /// Folder for the results
+    #[arg(short, long)]
+    out: PathBuf,
+    /// Body model (.npz in SMPL's arrays); the built-in mannequin without it
+    #[arg(long)]
+    body: Option<PathBuf>,
+    /// What is fitted [default: silhouette with --refine-pose, else multiview-smplify]
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+    /// Whether the cameras' places are given [default: known where all cameras have R and t]
+    #[arg(long, value_enum)]
+    cameras: Option<Cameras>,
+    /// Weights and stages of the fit to the joints [default: empirical-bayes; smplify for --method smplify]
+    #[arg(long)]
+    preset: Option<String>,
+    /// Where the fit to the joints begins
+    #[arg(long, value_enum, default_value_t = StartMode::Robust)]
+    start: StartMode,
+    /// Gaussian mixture as prior on the pose (.npz with means, covariances, weights), for the thesis' presets
+    #[arg(long)]
+    prior: Option<PathBuf>,
+    /// What the silhouettes change of the shape
+    #[arg(long, value_enum, default_value_t = Shape::Offsets)]
+    shape: Shape,
+    /// Table 3.1's σ for clean or for real masks
+    #[arg(long, value_enum, default_value_t = Sigmas::Synthetic)]
+    schedule: Sigmas,
+    /// Let the silhouettes move the pose as well (not in the thesis)
+    #[arg(long)]
+    refine_pose: bool,
+    /// Fit every capture of a folder by itself
+    #[arg(long)]
+    independent: bool,
+    /// Go on after the last frame that an interrupted run finished
+    #[arg(long)]
+    resume: bool,
+    /// Format of the mesh
+    #[arg(long, value_enum, default_value_t = MeshFormat::Ply)]
+    format: MeshFormat,
+}
+
+/// Fits one capture, or every capture of a folder.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    OutputFolder::check(&arguments.out)?;
+    let body = body::load(arguments.body.as_deref())?;
+    let settings = Settings::new(arguments, &body)?;
+    let jobs = captures::jobs(&arguments.capture, &arguments.out)?;
+    let is_sequence = captures::is_sequence(&arguments.capture, &jobs);
+    // Everything that can be wrong with the files is said before the first fit.
+    for job in &jobs {
+        Observed::read(&job.capture, &settings)?;
+    }
+    let done = if arguments.resume { sequence::finished(&jobs, &settings)? } else { 0 };
+    if done > 0 {
+        eprintln!("{done} of {} captures are done already", jobs.len());
+    }
+
+    let bar = progress::bar("fit", jobs.len() as u64);
+    bar.set_position(done as u64);
+    let mut failures = Vec::new();
+    let mut before = match done {
+        0 => None,
+        n => sequence::parameters(&jobs[n - 1], &settings)?,
+    };
+    for Job { capture, out } in &jobs[done..] {
+        let start = before.take().filter(|_| !arguments.independent);
+        match one(capture, out, &settings, start.as_ref(), &|words| bar.suspend(|| eprintln!("{words}"))) {
+            Ok((fitted, None)) => before = Some(fitted.parameters),
+            Ok((_, Some(why))) => {
+                let negative = Failure::Negative(format!("{}: {why}", capture.display()));
+                if is_sequence {
+                    bar.suspend(|| eprintln!("warning: {negative}"));
+                }
+                failures.push(negative);
+            }
+            Err(failure) if is_sequence => {
+                bar.suspend(|| eprintln!("error: {failure}"));
+                failures.push(failure);
+            }
+            Err(failure) => return Err(failure),
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if is_sequence {
+        sequence::join(&jobs, &arguments.out, &settings)?;
+    }
+    verdict(failures, jobs.len(), is_sequence)
+}
+
+/// Reads, fits and writes one capture; with why the answer is not to be trusted, if it is not.
+fn one(
+    capture: &Path,
+    out: &Path,
+    settings: &Settings,
+    before: Option<&Parameters>,
+    say: &dyn Fn(&str),
+) -> Result<(Fitted, Option<String>)> {
+    let observed = Observed::read(capture, settings)?;
+    observed.warnings.iter().for_each(|words| say(&format!("warning: {words}")));
+    let fitted = Fitted::of(&observed, settings, before)?;
+    fitted.warnings(&observed).iter().for_each(|words| say(&format!("warning: {words}")));
+    let folder = OutputFolder::begin(out)?;
+    write::write(&folder, &observed, &fitted, settings)?;
+    folder.place(&write::stale(settings))?;
+    say(&format!("{}: {}", out.display(), fitted.words()));
+    let why = fitted.distrust(&observed);
+    Ok((fitted, why))
+}
+
+/// The exit of the run: one capture's own failure, or how many of a sequence failed; a frame without a body (status 2)
+/// weighs more than one that is not to be trusted (status 1).
+fn verdict(mut failures: Vec<Failure>, all: usize, is_sequence: bool) -> Result<()> {
+    if failures.is_empty() {
+        return Ok(());
+    }
+    if !is_sequence {
+        return Err(failures.remove(0));
+    }
+    let words = format!("{} of {all} captures failed, see above", failures.len());
+    let negative_only = failures.iter().all(|f| matches!(f, Failure::Negative(_)));
+    Err(if negative_only { Failure::Negative(words) } else { Failure::Usage(words) })
+}
+
+/// A usage error about a file.
+fn refuse(path: &Path, message: impl Into<String>) -> Failure {
+    Error::file(path, message.into()).into()
+}

@@ -1,0 +1,188 @@
+//! What the arguments of `fit` ask for, checked before anything is fitted.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+use vitruvian_reference::body::BodyModel;
+use vitruvian_reference::fitting::multiview_smplify::MultiviewSmplify;
+use vitruvian_reference::fitting::prior::GaussianMixture;
+use vitruvian_reference::fitting::silhouette::{Schedule, Unknowns};
+use vitruvian_reference::fitting::{Options, PosePrior, Preset, Start};
+use vitruvian_runtime::file::npz::Npz;
+
+use super::{Arguments, refuse};
+use crate::failure::{Failure, Result};
+use crate::mesh_format::MeshFormat;
+
+/// The methods of chapters 2 and 3.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Joints of the first view: the baseline
+    Smplify,
+    /// Joints of all views
+    MultiviewSmplify,
+    /// Joints of all views, then their masks
+    Silhouette,
+}
+
+/// Whether the cameras' places are given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Cameras {
+    /// R and t of cameras.json are data
+    Known,
+    /// They are found; the world is then the first camera's frame
+    Unknown,
+}
+
+/// Where the fit to the joints begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum StartMode {
+    /// From the geometry of the views
+    Robust,
+    /// As the thesis: rest pose, all cameras alike
+    Identity,
+}
+
+/// What the silhouettes change of the shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Shape {
+    /// β and an offset of every vertex
+    Offsets,
+    /// β alone
+    Betas,
+}
+
+/// The σ of Table 3.1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Sigmas {
+    /// 5, 3, 1 cm
+    Synthetic,
+    /// 8, 4, 3 cm
+    Real,
+}
+
+/// What a run does to every capture.
+pub struct Settings<'a> {
+    pub body: &'a BodyModel,
+    /// The fit to the joints, made ready for the body.
+    pub fitter: MultiviewSmplify<'a>,
+    pub method: Method,
+    pub cameras: Option<Cameras>,
+    pub preset: Preset,
+    /// Of the fit to the joints.
+    pub options: Options,
+    pub unknowns: Unknowns,
+    pub schedule: Schedule,
+    pub refine_pose: bool,
+    pub format: MeshFormat,
+    body_name: String,
+    prior_name: Option<String>,
+}
+
+impl<'a> Settings<'a> {
+    /// Checks the arguments against each other and reads the prior.
+    pub fn new(arguments: &Arguments, body: &'a BodyModel) -> Result<Settings<'a>> {
+        let default = if arguments.refine_pose { Method::Silhouette } else { Method::MultiviewSmplify };
+        let method = arguments.method.unwrap_or(default);
+        if arguments.refine_pose && method != Method::Silhouette {
+            return Err(Failure::Usage(
+                "--refine-pose moves the pose by the masks: use it with --method silhouette".into(),
+            ));
+        }
+        let preset = match &arguments.preset {
+            Some(name) => preset(name)?,
+            None if method == Method::Smplify => Preset::Smplify,
+            None => Preset::default(),
+        };
+        let mut options = preset.options();
+        options.start = match arguments.start {
+            StartMode::Robust => Start::Robust,
+            StartMode::Identity => Start::Identity,
+        };
+        if let Some(path) = &arguments.prior {
+            if preset == Preset::EmpiricalBayes {
+                return Err(Failure::Usage(
+                    "--prior is for the thesis' presets: choose --preset smplify, ch2 or ch3".into(),
+                ));
+            }
+            options.pose_prior = PosePrior::Mixture(read_mixture(path)?);
+        }
+        let name = |path: &Path| path.display().to_string();
+        let body_name = arguments.body.as_deref().map_or("mannequin".into(), name);
+        let fitter = MultiviewSmplify::new(body)
+            .map_err(|refusal| refuse(Path::new(&body_name), refusal.to_string()))?;
+        Ok(Settings {
+            body,
+            fitter,
+            method,
+            cameras: arguments.cameras,
+            preset,
+            options,
+            unknowns: match arguments.shape {
+                Shape::Offsets => Unknowns::BetasAndOffsets,
+                Shape::Betas => Unknowns::Betas,
+            },
+            schedule: match arguments.schedule {
+                Sigmas::Synthetic => Schedule::Synthetic,
+                Sigmas::Real => Schedule::Real,
+            },
+            refine_pose: arguments.refine_pose,
+            format: arguments.format,
+            body_name,
+            prior_name: arguments.prior.as_deref().map(name),
+        })
+    }
+
+    /// For reports, and for telling whether an interrupted run asked for the same.
+    pub fn json(&self) -> Value {
+        let word = |value: &dyn std::fmt::Debug| kebab(&format!("{value:?}"));
+        let silhouette = (self.method == Method::Silhouette).then(|| {
+            json!({
+                "shape": word(&self.unknowns), "schedule": word(&self.schedule), "refine_pose": self.refine_pose,
+            })
+        });
+        json!({
+            "body": self.body_name,
+            "method": word(&self.method),
+            "cameras": self.cameras.map(|c| word(&c)),
+            "preset": self.preset.name(),
+            "start": word(&self.options.start),
+            "prior": self.prior_name,
+            "silhouette": silhouette,
+        })
+    }
+}
+
+/// `MultiviewSmplify` as the command line spells it.
+fn kebab(name: &str) -> String {
+    let mut words = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !words.is_empty() {
+            words.push('-');
+        }
+        words.extend(letter.to_lowercase());
+    }
+    words
+}
+
+fn preset(name: &str) -> Result<Preset> {
+    Preset::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
+        let names = Preset::ALL.map(Preset::name).join(", ");
+        Failure::Usage(format!("--preset {name}: there is no such preset; choose {names}"))
+    })
+}
+
+/// Reads a mixture: means \[K,D\], covariances \[K,D,D\] (or covars), weights \[K\].
+fn read_mixture(path: &Path) -> Result<GaussianMixture> {
+    let mut npz = Npz::open(path)?;
+    let means = npz.shaped::<f64>("means", &[None, None])?;
+    let (k, d) = (means.shape[0], means.shape[1]);
+    let name = if npz.contains("covariances") { "covariances" } else { "covars" };
+    let covariances = npz.shaped::<f64>(name, &[Some(k), Some(d), Some(d)])?;
+    let weights = npz.shaped::<f64>("weights", &[Some(k)])?;
+    let rows =
+        |values: &[f64], width: usize| values.chunks_exact(width.max(1)).map(<[f64]>::to_vec).collect();
+    let covariances: Vec<Vec<f64>> = rows(&covariances.values, d * d);
+    GaussianMixture::new(rows(&means.values, d), &covariances, &weights.values)
+        .map_err(|fault| refuse(path, fault.to_string()))
+}

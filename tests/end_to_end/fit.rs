@@ -1,0 +1,182 @@
+//! `fit` as a user runs it: a capture becomes a body, a folder of captures a sequence, bad input one line.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use vitruvian_runtime::file::npz::Npz;
+
+use crate::command::{Outcome, capture, files, folder, vitruvian, word};
+
+fn read_json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).expect("a report")).expect("JSON")
+}
+
+fn change_json(path: &Path, change: impl FnOnce(&mut Value)) {
+    let mut value = read_json(path);
+    change(&mut value);
+    fs::write(path, value.to_string()).expect("a writable file");
+}
+
+fn fit(capture: &Path, out: &Path, more: &[&str]) -> Outcome {
+    let mut words = vec!["fit", word(capture), "-o", word(out)];
+    words.extend(more);
+    vitruvian(&words)
+}
+
+/// The mean distance of the joints in `out` from the capture's, millimetres; after alignment where `aligned`.
+fn joint_error_mm(out: &Path, capture: &Path, aligned: bool) -> f64 {
+    let (found, truth) = (out.join("joints.npz"), capture.join("body.npz"));
+    let judged = vitruvian(&["evaluate", word(&found), word(&truth), "--json"]).done().json();
+    judged["measures"][if aligned { "pa_mpjpe_mm" } else { "error_mm" }].as_f64().expect("a number")
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let name = |f: &PathBuf| f.file_name().expect("a name").to_string_lossy().into_owned();
+    files(folder).iter().map(name).collect()
+}
+
+#[test]
+fn exact_keypoints_give_the_body_back() {
+    let folder = folder();
+    let capture = capture(&folder.path().join("captures"));
+    let out = folder.path().join("out");
+    fit(&capture, &out, &[]).done();
+    let overlays = ["000", "090", "180", "270"].map(|yaw| format!("overlay_yaw_{yaw}.png"));
+    let mut expected = vec!["body.ply", "joints.npz", "params.npz", "report.json"];
+    expected.splice(2..2, overlays.iter().map(String::as_str));
+    assert_eq!(names(&out), expected);
+    assert!(joint_error_mm(&out, &capture, false) < 0.05, "known cameras");
+
+    let report = read_json(&out.join("report.json"));
+    assert_eq!((&report["success"], &report["extrinsics"]), (&json!(true), &json!("known")));
+    let last = report["joints"]["stages"].as_array().and_then(|s| s.last()).expect("a stage");
+    assert!(last["iterations"].as_u64() > Some(0) && last["ending"].is_string(), "{last}");
+    for (name, view) in report["views"].as_object().expect("views") {
+        assert_eq!(view["residual"]["keypoints"], 24, "{name}");
+        // The person is dressed: the bare body covers most of the mask, not all.
+        assert!(view["iou"].as_f64() > Some(0.75), "{name}: {view}");
+    }
+    let mut params = Npz::open(&out.join("params.npz")).expect("parameters");
+    let shape = |params: &mut Npz, key: &str| params.array::<f64>(key).expect(key).shape;
+    assert_eq!(shape(&mut params, "poses"), [1, 72]);
+    assert_eq!(shape(&mut params, "trans"), [1, 3]);
+    assert_eq!(shape(&mut params, "R"), [4, 3, 3]);
+
+    let unknown = folder.path().join("unknown");
+    fit(&capture, &unknown, &["--cameras", "unknown", "--format", "obj"]).done();
+    assert!(unknown.join("body.obj").is_file() && !unknown.join("body.ply").exists());
+    assert!(joint_error_mm(&unknown, &capture, true) < 0.1, "unknown cameras");
+    let world = read_json(&unknown.join("report.json"));
+    assert_eq!(world["extrinsics"], "unknown");
+}
+
+#[test]
+fn one_view_and_the_thesis_presets_run() {
+    let folder = folder();
+    let capture = capture(&folder.path().join("captures"));
+    for more in [
+        ["--method", "smplify", "--cameras", "unknown"],
+        ["--preset", "ch2", "--start", "identity"],
+        ["--preset", "ch3", "--cameras", "unknown"],
+    ] {
+        let out = folder.path().join(more[1]);
+        let ended = fit(&capture, &out, &more);
+        assert!(ended.status == 0 || ended.status == 1, "{more:?}: {ended:?}");
+        let report = read_json(&out.join("report.json"));
+        assert_eq!(report["joints"]["stages"].as_array().map(Vec::len), Some(4), "{more:?}");
+        assert_eq!(ended.status == 0, report["success"] == json!(true), "{more:?}: {report}");
+    }
+    assert_eq!(
+        read_json(&folder.path().join("smplify/report.json"))["views"].as_object().map(|v| v.len()),
+        Some(1)
+    );
+}
+
+#[test]
+fn a_sequence_is_resumed_where_it_stopped() {
+    let folder = folder();
+    let captures = folder.path().join("captures");
+    vitruvian(&["synthesize", "-o", word(&captures), "--count", "3", "--seed", "4", "--size", "128"]).done();
+    let out = folder.path().join("out");
+    fit(&captures, &out, &["--independent"]).done();
+    let whole = fs::read(out.join("params.npz")).expect("all frames");
+    let mut params = Npz::open(&out.join("params.npz")).expect("parameters");
+    assert_eq!(params.array::<f64>("poses").expect("poses").shape, [3, 72]);
+    assert_eq!(read_json(&out.join("report.json"))["frames"].as_array().map(Vec::len), Some(3));
+
+    fs::remove_dir_all(out.join("0002")).expect("an interrupted run");
+    fs::remove_file(out.join("params.npz")).expect("an interrupted run");
+    let first = fs::metadata(out.join("0000/params.npz")).expect("a frame").modified().expect("a time");
+    let resumed = fit(&captures, &out, &["--independent", "--resume"]).done();
+    assert!(resumed.err.contains("2 of 3 captures are done already"), "{}", resumed.err);
+    assert_eq!(fs::read(out.join("params.npz")).expect("all frames"), whole, "same bytes as in one go");
+    let again = fs::metadata(out.join("0000/params.npz")).expect("a frame").modified().expect("a time");
+    assert_eq!(first, again, "a finished frame is left alone");
+
+    let other = fit(&captures, &out, &["--preset", "ch3", "--independent", "--resume"]);
+    assert!(other.status == 2 && other.err.contains("was fitted with other options"), "{other:?}");
+}
+
+#[test]
+fn bad_captures_are_refused_in_one_line_and_nothing_is_written() {
+    let folder = folder();
+    let capture = capture(&folder.path().join("captures"));
+    let keypoints = capture.join("keypoints/yaw_090.json");
+    let points = |value: &mut Value, change: &dyn Fn(usize, &mut Value)| {
+        let list = value["people"][0]["pose_keypoints_2d"].as_array_mut().expect("numbers");
+        list.iter_mut().enumerate().for_each(|(i, x)| change(i, x));
+    };
+    let each_file = |change: &dyn Fn(&mut Value)| {
+        for yaw in ["000", "090", "180", "270"] {
+            change_json(&capture.join(format!("keypoints/yaw_{yaw}.json")), |value| change(value));
+        }
+    };
+    let refused = |expected: &[&str], more: &[&str]| {
+        let out = folder.path().join("out");
+        let ended = fit(&capture, &out, more);
+        assert_eq!(ended.status, 2, "{ended:?}");
+        assert_eq!(ended.err.trim_end().lines().count(), 1, "{}", ended.err);
+        for part in expected {
+            assert!(ended.err.contains(part), "{part}: {}", ended.err);
+        }
+        assert!(!out.exists(), "nothing is written");
+    };
+    refused(&["--preset none", "ch2, ch3"], &["--preset", "none"]);
+    refused(&["--refine-pose", "--method silhouette"], &["--refine-pose", "--method", "smplify"]);
+    refused(&["no-such-body.npz"], &["--body", "no-such-body.npz"]);
+
+    let saved = fs::read(&keypoints).expect("keypoints");
+    change_json(&keypoints, |value| {
+        points(value, &|i, x| *x = if i % 3 == 2 { json!(-1.0) } else { x.take() })
+    });
+    refused(&["yaw_090"], &[]);
+    fs::write(&keypoints, &saved).expect("a writable file");
+
+    each_file(&|value| points(value, &|i, x| *x = if i % 3 == 2 && i > 8 { json!(0.0) } else { x.take() }));
+    refused(&["3 usable keypoints at different places", "at least 4"], &[]);
+    each_file(&|value| points(value, &|i, x| *x = if i % 3 == 2 { json!(0.0) } else { x.take() }));
+    refused(&["0 usable keypoints"], &[]);
+    fs::remove_dir_all(capture.join("keypoints")).expect("a capture without keypoints");
+    refused(&["has no keypoints in any view", "keypoints/NAME.json"], &[]);
+    change_json(&capture.join("cameras.json"), |value| {
+        let camera = value["cameras"][2].as_object_mut().expect("a camera");
+        camera.remove("R");
+        camera.remove("t");
+    });
+}
+
+#[test]
+fn views_of_different_people_end_with_status_1_and_the_names_of_the_views() {
+    let folder = folder();
+    let captures = folder.path().join("captures");
+    vitruvian(&["synthesize", "-o", word(&captures), "--count", "2", "--seed", "7"]).done();
+    let (one, other) = (captures.join("0000"), captures.join("0001"));
+    fs::copy(other.join("keypoints/yaw_180.json"), one.join("keypoints/yaw_180.json")).expect("a copy");
+    let out = folder.path().join("out");
+    let ended = fit(&one, &out, &[]);
+    assert!(ended.status == 1 && ended.err.contains("\"yaw_180\""), "{ended:?}");
+    let report = read_json(&out.join("report.json"));
+    assert_eq!((&report["success"], &report["verdict"]), (&json!(false), &json!("views-disagree")));
+    assert!(out.join("overlay_yaw_180.png").is_file(), "what there is to see is there");
+}
