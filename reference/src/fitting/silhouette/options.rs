@@ -91,6 +91,7 @@ impl Default for SilhouetteOptions {
             terms: Terms::default(),
             ray_reach_m: 0.12,
             vertex_reach_m: 0.03,
+            // A standard deviation of β weighs as much as one ray missed by 3 cm; thousands of rays outvote it.
             shape_weight: 0.03,
             max_iterations: 15,
             improvement_tolerance: 1e-3,
@@ -106,7 +107,8 @@ pub struct PoseRefinement {
     pub rounds: usize,
     /// Of a keypoint's coordinate, pixels.
     pub keypoint_sigma_px: f64,
-    /// Of a contour point along its normal, pixels: half a pixel's quantisation and what the model cannot bend to.
+    /// Of a contour point along its normal, pixels: 0.3 of quantisation, the rest for what the model cannot bend to and because
+    /// neighbours are not independent.
     pub contour_sigma_px: f64,
     /// A contour point's partner lies within this distance in the first round and in the last, pixels; geometric in between.
     pub reach_px: [f64; 2],
@@ -115,6 +117,8 @@ pub struct PoseRefinement {
 }
 
 impl Default for PoseRefinement {
+    /// Chosen on scenes with 2 px of noise on the keypoints; the optimum is flat: halving or doubling any of the numbers changes
+    /// the mean error of vertices by a tenth or two.
     fn default() -> PoseRefinement {
         PoseRefinement {
             rounds: 12,

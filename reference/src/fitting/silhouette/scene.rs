@@ -18,7 +18,7 @@ use crate::surface::mesh::Mesh;
 /// How many contour points a pixel's length of the body's outline counts for when it seeks its contour point. Less than one:
 /// edges of a zigzag lie a little inside the outline (0.1 px on a body of 13 000 vertices), while contour points that seek the
 /// body have no bias. The search in this direction is for what sticks out of the mask.
-const EDGE_COUNT: f64 = 0.3;
+const EDGE_COUNT: f64 = 0.1;
 
 /// What stays the same during a fit.
 pub struct Scene<'a> {
