@@ -82,7 +82,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     bar.finish_and_clear();
     let Counts { vertices, joints, .. } = counts;
-    eprintln!("{written}: {frames} frames of {vertices} vertices and {joints} joints");
+    let frames = if frames == 1 { "1 frame".into() } else { format!("{frames} frames") };
+    eprintln!("{written}: {frames} of {vertices} vertices and {joints} joints");
     Ok(())
 }
 

@@ -10,7 +10,8 @@
 //! - every operator of the networks on random problems ([`problem`], [`suite::operators`]);
 //! - the judge itself, by planted faults ([`suite::faults`]);
 //! - the exported graphs, node by node and stage by stage ([`suite::networks`]);
-//! - marching cubes, voxels and the inside test ([`suite::surface`]).
+//! - marching cubes, voxels and the inside test ([`suite::surface`]);
+//! - the skinning of bodies ([`suite::body`]).
 //!
 //! `cargo test` runs a moderate number of problems, `VITRUVIAN_CASES=2000 cargo test` more, from `VITRUVIAN_SEED`; `make
 //! conformance` sweeps ten thousand and prints a table.

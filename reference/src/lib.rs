@@ -49,6 +49,7 @@
 //! | ch. 3, un-posing | 3.6 (erratum E10) | [`body::unposing`] |
 //! | ch. 3, rays and outlines | 3.5–3.8 | [`plucker`], [`silhouette`] |
 //! | ch. 3, smoothness of offsets | 3.9 | [`surface::laplacian`] |
+//! | ch. 3, shape from silhouettes | 3.5–3.11, table 3.1 (errata E9–E14d) | [`fitting::silhouette`] |
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |
 //! | ch. 4, camera and rotations of the regressor | – | [`camera::WeakPerspective`], [`rotation::from_six_d`] |
 //! | ch. 4, MPJPE, reconstruction error, PCK, AUC | – | [`metric::joints`], [`metric::procrustes`] |

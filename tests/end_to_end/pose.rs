@@ -139,8 +139,11 @@ fn one_frame_is_one_mesh_and_several_are_numbered() {
     assert!(vitruvian_runtime::file::obj::read(&out).is_ok() && Format::of(&out).is_err());
 }
 
+/// An array's name, shape and values.
+type Entry<'a> = (&'a str, &'a [usize], &'a [f64]);
+
 /// Runs `pose` on these arrays and returns what it says, which must be one line, with status 2 and nothing written.
-fn refused(arrays: &[(&str, &[usize], &[f64])], words: &[&str]) -> String {
+fn refused(arrays: &[Entry<'_>], words: &[&str]) -> String {
     let folder = folder();
     let params = folder.path().join("params.npz");
     let named: Vec<Named<'_>> = arrays
@@ -160,8 +163,8 @@ fn refused(arrays: &[(&str, &[usize], &[f64])], words: &[&str]) -> String {
 fn parameters_that_do_not_fit_the_body_are_refused_in_one_line() {
     let zeros = [0.0; 165];
     let nan: Vec<f64> = (0..72).map(|n| if n == 40 { f64::NAN } else { 0.0 }).collect();
-    let poses: (&str, &[usize], &[f64]) = ("poses", &[1, 72], &zeros[..72]);
-    let cases: [(&[(&str, &[usize], &[f64])], &str); 9] = [
+    let poses: Entry<'_> = ("poses", &[1, 72], &zeros[..72]);
+    let cases: [(&[Entry<'_>], &str); 9] = [
         (&[poses, ("betas", &[11], &zeros[..11])], "\"betas\" has 11 numbers; the body has 10 betas"),
         (&[("poses", &[1, 75], &zeros[..75])], "the body has 24 joints and takes [72] or [F, 72]"),
         (&[("poses", &[1, 156], &zeros[..156])], "SMPL-H's 52 joints"),
@@ -176,7 +179,8 @@ fn parameters_that_do_not_fit_the_body_are_refused_in_one_line() {
         let message = refused(arrays, &[]);
         assert!(message.contains("params.npz") && message.contains(words), "{words} in {message}");
     }
-    let exact = refused(&[poses, ("betas", &[2], &[1e308, 1e308])], &["--exact"]);
+    let huge = [1.79e308; 3];
+    let exact = refused(&[poses, ("betas", &[1], &huge[..1]), ("trans", &[3], &huge)], &["--exact"]);
     assert!(exact.contains("frame 0 puts the body beyond the range of numbers"), "{exact}");
 }
 

@@ -6,7 +6,9 @@
 //! | [`faults`] | the judge itself: planted faults must be seen |
 //! | [`networks`] | the exported graphs, node by node and stage by stage |
 //! | [`surface`] | marching cubes, voxels and the inside test |
+//! | [`body`] | skinning of bodies, and planted faults in it |
 
+pub mod body;
 pub mod faults;
 pub mod networks;
 pub mod operators;

@@ -135,17 +135,25 @@ pub struct Trial<'a> {
 
 impl Dogleg {
     /// Minimises ‖r(x)‖² from x₀.
+    ///
+    /// # Panics
+    /// If the initial radius is not positive.
     pub fn minimize<P: Problem>(&self, problem: &P, x0: &[f64]) -> Solution {
         self.minimize_traced(problem, x0, &mut |_| ())
     }
 
     /// [`Dogleg::minimize`], showing each trial to `trace`.
+    ///
+    /// # Panics
+    /// If the initial radius is not positive.
     pub fn minimize_traced<P: Problem>(
         &self,
         problem: &P,
         x0: &[f64],
         trace: &mut impl FnMut(&Trial),
     ) -> Solution {
+        let first = self.initial_radius.unwrap_or(f64::INFINITY);
+        assert!(first > 0.0, "Dogleg: an initial radius of {first}");
         let mut x = x0.to_vec();
         let (mut iterations, mut evaluations) = (0, 1);
         let start = problem.residuals(&x);
@@ -302,155 +310,9 @@ fn all_finite(a: &[f64]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::examples::{Functions, arctan, close, log, rosenbrock};
     use super::*;
     use crate::linalg::dense::Dense;
-
-    /// Residuals and Jacobian as functions.
-    struct Functions<R, J>(R, J);
-
-    impl<R: Fn(&[f64]) -> Option<Vec<f64>>, J: Fn(&[f64]) -> Dense> Problem for Functions<R, J> {
-        type Jacobian = Dense;
-
-        fn residuals(&self, x: &[f64]) -> Option<Vec<f64>> {
-            self.0(x)
-        }
-
-        fn jacobian(&self, x: &[f64]) -> Dense {
-            self.1(x)
-        }
-    }
-
-    /// What a trial leaves in the log.
-    #[derive(Clone, Debug)]
-    struct Line {
-        iteration: usize,
-        kind: StepKind,
-        step_norm: f64,
-        gain_ratio: f64,
-        radius: f64,
-        accepted: bool,
-        x: Vec<f64>,
-    }
-
-    fn log(dogleg: &Dogleg, problem: &impl Problem, x0: &[f64]) -> (Solution, Vec<Line>) {
-        let mut lines = Vec::new();
-        let solution = dogleg.minimize_traced(problem, x0, &mut |t| {
-            lines.push(Line {
-                iteration: t.iteration,
-                kind: t.kind,
-                step_norm: t.step_norm,
-                gain_ratio: t.gain_ratio,
-                radius: t.radius,
-                accepted: t.accepted,
-                x: t.x.to_vec(),
-            });
-        });
-        (solution, lines)
-    }
-
-    fn rosenbrock() -> impl Problem<Jacobian = Dense> {
-        Functions(
-            |x: &[f64]| Some(vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]]),
-            |x: &[f64]| Dense::new(2, 2, vec![-20.0 * x[0], 10.0, -1.0, 0.0]),
-        )
-    }
-
-    fn arctan() -> impl Problem<Jacobian = Dense> {
-        Functions(
-            |x: &[f64]| Some(vec![x[0].atan()]),
-            |x: &[f64]| Dense::new(1, 1, vec![1.0 / (1.0 + x[0] * x[0])]),
-        )
-    }
-
-    /// Goldens are given to ten decimals or digits.
-    fn close(found: f64, golden: f64) -> bool {
-        (found - golden).abs() <= 1e-9 * golden.abs().max(0.1)
-    }
-
-    #[test]
-    fn trace_of_rosenbrock_is_that_of_chumpy() {
-        use StepKind::{Dogleg as Bend, GaussNewton};
-        let dogleg = Dogleg { improvement_tolerance: 1e-4, max_iterations: 100, ..Dogleg::default() };
-        let (solution, lines) = log(&dogleg, &rosenbrock(), &[-1.2, 1.0]);
-        assert_eq!((solution.iterations, solution.evaluations), (12, 16));
-        assert_eq!(solution.termination, Termination::SmallGradient);
-        assert!(solution.x.iter().all(|x| (x - 1.0).abs() < 1e-14), "{:?}", solution.x);
-
-        // (iteration, kind, ‖d‖, ρ, radius after).
-        let golden = [
-            (1, GaussNewton, 5.3165402284, -2318.36, 1.3291350571),
-            (1, Bend, 1.3291350571, 0.1262416465, 1.3291350571),
-            (2, Bend, 1.3291350571, f64::NAN, 0.3322837643),
-            (2, Bend, 0.3322837643, 0.9568879552, 0.8307094107),
-            (3, Bend, 0.8307094107, f64::NAN, 0.2076773527),
-            (3, Bend, 0.2076773527, 0.8899453149, 0.2076773527),
-            (4, Bend, 0.2076773527, 0.7002118624, 0.2076773527),
-            (5, Bend, 0.2076773527, 0.7399075114, 0.2076773527),
-            (6, Bend, 0.2076773527, 0.7797818752, 0.2076773527),
-            (7, Bend, 0.2076773527, 0.7896884541, 0.2076773527),
-            (8, Bend, 0.2076773527, 0.7882470234, 0.2076773527),
-            (9, Bend, 0.2076773527, 0.7636169608, 0.2076773527),
-            (10, Bend, 0.2076773527, 0.6736670427, 0.2076773527),
-            (11, GaussNewton, 0.0643837296, 0.9958370354, 0.2076773527),
-            (12, GaussNewton, 0.0006448464, 1.0, 0.2076773527),
-        ];
-        assert_eq!(lines.len(), golden.len());
-        for (line, (iteration, kind, step_norm, gain_ratio, radius)) in lines.iter().zip(golden) {
-            assert_eq!((line.iteration, line.kind), (iteration, kind), "{line:?}");
-            assert!(close(line.step_norm, step_norm) && close(line.radius, radius), "{line:?}");
-            // Of rejected trials only the sign of ρ is given, but for the first, to two decimals.
-            assert_eq!(line.accepted, gain_ratio > 0.0, "{line:?}");
-            if line.accepted {
-                assert!(close(line.gain_ratio, gain_ratio), "{line:?}");
-            }
-        }
-        assert!((lines[0].gain_ratio + 2318.36).abs() < 5e-3, "{:?}", lines[0]);
-        for (trial, x) in [
-            (1, [-0.5349057058, -0.1507604355]),
-            (3, [-0.2200640641, -0.0445190093]),
-            (5, [-0.0124794608, -0.0383129414]),
-        ] {
-            assert!(close(lines[trial].x[0], x[0]) && close(lines[trial].x[1], x[1]), "{:?}", lines[trial]);
-        }
-    }
-
-    #[test]
-    fn trace_of_the_arctangent_is_that_of_chumpy() {
-        let (solution, lines) = log(&Dogleg::default(), &arctan(), &[2.0]);
-        assert_eq!((solution.iterations, solution.evaluations), (5, 7));
-        assert!(solution.termination.was_successful() && solution.x[0].abs() < 1e-15, "{solution:?}");
-        assert!(lines[0].kind == StepKind::GaussNewton && !lines[0].accepted);
-        assert!(
-            close(lines[0].x[0], 2.0 - 5.535743589) && close(lines[0].radius, 1.383935897),
-            "{:?}",
-            lines[0]
-        );
-        assert!((lines[0].gain_ratio + 0.4516846).abs() < 5e-8, "{:?}", lines[0]);
-        assert!(lines[1].kind == StepKind::Cauchy && lines[1].accepted);
-        assert!((lines[1].gain_ratio - 1.7172273).abs() < 5e-8, "{:?}", lines[1]);
-        assert!(close(lines[1].radius, 3.4598397431), "{:?}", lines[1]);
-    }
-
-    #[test]
-    fn trace_of_powells_singular_function_is_that_of_chumpy() {
-        let (a, b) = (5f64.sqrt(), 10f64.sqrt());
-        let singular = Functions(
-            move |x: &[f64]| {
-                let (p, q) = (x[1] - 2.0 * x[2], x[0] - x[3]);
-                Some(vec![x[0] + 10.0 * x[1], a * (x[2] - x[3]), p * p, b * q * q])
-            },
-            move |x: &[f64]| {
-                let (p, q) = (2.0 * (x[1] - 2.0 * x[2]), 2.0 * b * (x[0] - x[3]));
-                let rows =
-                    [[1.0, 10.0, 0.0, 0.0], [0.0, 0.0, a, -a], [0.0, p, -2.0 * p, 0.0], [q, 0.0, 0.0, -q]];
-                Dense::new(4, 4, rows.concat())
-            },
-        );
-        let (solution, lines) = log(&Dogleg::default(), &singular, &[3.0, -1.0, 0.0, 1.0]);
-        assert_eq!((solution.iterations, solution.evaluations), (20, 21), "{solution:?}");
-        assert!(lines.iter().all(|line| line.kind == StepKind::GaussNewton && line.accepted));
-        assert!(close(lines[0].gain_ratio, 0.9531976744), "{:?}", lines[0]);
-    }
 
     #[test]
     fn start_without_finite_residuals_is_returned() {
@@ -575,5 +437,11 @@ mod tests {
         let dogleg = Dogleg { initial_radius: Some(0.125), ..Dogleg::default() };
         let (_, lines) = log(&dogleg, &rosenbrock(), &[-1.2, 1.0]);
         assert!(lines[0].kind == StepKind::Cauchy && close(lines[0].step_norm, 0.125), "{:?}", lines[0]);
+    }
+
+    #[test]
+    #[should_panic(expected = "an initial radius of NaN")]
+    fn radius_must_be_a_length() {
+        Dogleg { initial_radius: Some(f64::NAN), ..Dogleg::default() }.minimize(&arctan(), &[1.0]);
     }
 }

@@ -42,7 +42,11 @@
 
 pub mod adam;
 pub mod dogleg;
+#[cfg(test)]
+mod examples;
 pub mod finite_difference;
+#[cfg(test)]
+mod goldens;
 pub mod problem;
 pub mod sparse_jacobian;
 pub mod termination;

@@ -1,9 +1,9 @@
 //! What a silhouette fit is given, checked, and the refusals.
 
-use super::State;
 use super::outline_problem::KeypointPair;
 use super::result::{SilhouetteRefusal, Warning};
 use super::scene::Scene;
+use super::state::State;
 use crate::body::BodyModel;
 use crate::fitting::{Observation, Parameters};
 use crate::silhouette::Mask;
@@ -22,6 +22,7 @@ pub fn check(
     body: &BodyModel,
     start: &Parameters,
     masks: &[Mask],
+    keypoints: Option<&Observation>,
 ) -> Result<Vec<Warning>, SilhouetteRefusal> {
     if masks.is_empty() || start.cameras.is_empty() {
         return Err(SilhouetteRefusal::NoViews);
@@ -34,6 +35,11 @@ pub fn check(
     }
     if start.betas.len() > body.beta_count() {
         return Err(SilhouetteRefusal::BadStart { what: "betas are more than the body has" });
+    }
+    if keypoints.is_some_and(|observation| observation.views.len() != masks.len()) {
+        return Err(SilhouetteRefusal::BadStart {
+            what: "keypoints have another number of views than cameras",
+        });
     }
     let finite = |numbers: &[f64]| numbers.iter().all(|x| x.is_finite());
     if !finite(&start.pose) || !finite(&start.betas) || !finite(&start.trans) {
@@ -69,7 +75,8 @@ pub fn agreement(scene: &Scene, state: &State, masks: &[Mask]) -> Result<Vec<f64
     let joints = state.joints();
     for (view, (mask, &iou)) in masks.iter().zip(&overlaps).enumerate() {
         let near = dilate(mask, MARGIN);
-        let inside = |joint: &&_| scene.cameras[view].project(**joint).is_some_and(|pixel| near.holds(pixel));
+        let inside =
+            |joint: &&_| scene.cameras()[view].project(**joint).is_some_and(|pixel| near.holds(pixel));
         let joints_outside = joints.len() - joints.iter().filter(inside).count();
         // A body that the image cuts off has joints outside of every mask: then the overlap decides alone.
         let cut_off = mask.touches_border();

@@ -121,11 +121,11 @@ impl Default for PoseRefinement {
     /// the mean error of vertices by a tenth or two.
     fn default() -> PoseRefinement {
         PoseRefinement {
-            rounds: 12,
+            rounds: 10,
             keypoint_sigma_px: 2.0,
-            contour_sigma_px: 0.7,
-            reach_px: [12.0, 3.0],
-            pose_sigma_rad: 0.3,
+            contour_sigma_px: 1.0,
+            reach_px: [10.0, 2.0],
+            pose_sigma_rad: 0.2,
         }
     }
 }

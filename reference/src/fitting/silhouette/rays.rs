@@ -20,14 +20,14 @@ pub struct Ray {
 ///
 /// Points that no ray can meet (the lens model has no inverse there) are left out.
 pub fn rays(camera: &Pinhole, mask: &Mask) -> Vec<Ray> {
-    let center = camera.center();
-    contour(mask)
-        .into_iter()
-        .filter_map(|contour| {
-            let through = camera.unproject(contour.position_px, 1.0)?;
-            Some(Ray { contour, line: Line::through(center, through)? })
-        })
-        .collect()
+    let ray =
+        |contour: ContourPoint| Some(Ray { contour, line: line_of_sight(camera, contour.position_px)? });
+    contour(mask).into_iter().filter_map(ray).collect()
+}
+
+/// The line from the camera's centre through a pixel; `None` where the lens model has no inverse.
+pub fn line_of_sight(camera: &Pinhole, pixel_px: [f64; 2]) -> Option<Line> {
+    Line::through(camera.center(), camera.unproject(pixel_px, 1.0)?)
 }
 
 /// The ray in the zero pose of the matched vertex: two of its points taken back by the vertex' [un-posing

@@ -11,9 +11,12 @@
 
 use super::shape_problem::Weights;
 use crate::linalg::sparse::Sparse;
+use crate::linalg::sparse_cholesky::SymbolicCholesky;
 use crate::linalg::vector::{Vector3, distance};
 use crate::surface::laplacian::cotangent_laplacian;
+use std::cell::OnceCell;
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// The largest multiplier: the fingers' and toes' in Alldieck et al. 2018 are 8 and 15.
 pub const LARGEST_MULTIPLIER: f64 = 15.0;
@@ -25,6 +28,8 @@ pub struct Regulariser {
     laplacian: Rc<Sparse>,
     /// κ, V.
     multipliers: Rc<Vec<f64>>,
+    /// How matrices of LᵀL's pattern are factored; the pattern is that of the triangles, the same in all stages.
+    ordering: Rc<OnceCell<Arc<SymbolicCholesky>>>,
 }
 
 impl Regulariser {
@@ -39,7 +44,24 @@ impl Regulariser {
             *value *= multipliers[*row];
         }
         let laplacian = Sparse::from_triplets(vertices.len(), vertices.len(), &entries);
-        Regulariser { laplacian: Rc::new(laplacian), multipliers: Rc::new(multipliers) }
+        Regulariser {
+            laplacian: Rc::new(laplacian),
+            multipliers: Rc::new(multipliers),
+            ordering: Rc::default(),
+        }
+    }
+
+    /// That of the same triangles with other vertices; the analysis of the pattern is kept.
+    ///
+    /// # Panics
+    /// As [`Regulariser::of`].
+    pub fn of_moved(&self, vertices: &[Vector3], faces: &[[u32; 3]]) -> Regulariser {
+        Regulariser { ordering: Rc::clone(&self.ordering), ..Regulariser::of(vertices, faces) }
+    }
+
+    /// The analysis of the pattern of [`Regulariser::gram`] and a diagonal, made once.
+    pub fn ordering(&self, matrix: &Sparse) -> &Arc<SymbolicCholesky> {
+        self.ordering.get_or_init(|| SymbolicCholesky::analyze(matrix))
     }
 
     /// V.
@@ -89,7 +111,7 @@ impl Regulariser {
     }
 }
 
-/// κ; 1 for a vertex without faces.
+/// κ; 1 for a vertex without edges of any length.
 fn multipliers(vertices: &[Vector3], faces: &[[u32; 3]]) -> Vec<f64> {
     let mut lengths = vec![(0.0, 0.0); vertices.len()];
     let (mut total, mut count) = (0.0, 0.0);
@@ -107,7 +129,7 @@ fn multipliers(vertices: &[Vector3], faces: &[[u32; 3]]) -> Vec<f64> {
     let mean = total / count;
     lengths
         .into_iter()
-        .map(|(sum, n)| if n > 0.0 { (mean * n / sum).clamp(1.0, LARGEST_MULTIPLIER) } else { 1.0 })
+        .map(|(sum, n)| if sum > 0.0 { (mean * n / sum).clamp(1.0, LARGEST_MULTIPLIER) } else { 1.0 })
         .collect()
 }
 

@@ -36,6 +36,8 @@ pub struct SilhouetteStage {
     pub iou: Vec<f64>,
     /// What had to be done to the offsets to keep the surface.
     pub damping: Damping,
+    /// Whether the stage was undone because it lowered the mean overlap; only pose stages are.
+    pub reverted: bool,
 }
 
 /// Something that the caller should know about the masks.
@@ -58,7 +60,7 @@ impl fmt::Display for Warning {
 /// A body fitted to silhouettes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SilhouetteFit {
-    /// θ, β, trans and the cameras (as given).
+    /// θ, β, trans and the cameras: as given, unless their extrinsics are unknown and the pose was refined.
     pub parameters: Parameters,
     /// D, V×3 metres in the zero pose; zeros if they were not unknowns.
     pub offsets: Vec<Vector3>,
@@ -100,7 +102,8 @@ pub enum SilhouetteRefusal {
         /// Masks given.
         masks: usize,
     },
-    /// A parameter or a camera of the start is not finite, or β has more numbers than the model or θ not 3J.
+    /// A parameter or a camera of the start is not finite, β has more numbers than the model, θ not 3J, or the keypoints not
+    /// one view for each camera.
     BadStart {
         /// What it is.
         what: &'static str,

@@ -3,7 +3,7 @@
 use super::correspondence::{boundary_vertices, matches};
 use super::options::SilhouetteOptions;
 use super::outline_problem::OutlinePair;
-use super::rays::{Ray, rays};
+use super::rays::{Ray, line_of_sight, rays};
 use super::shape_problem::Pair;
 use crate::body::BodyModel;
 use crate::camera::Pinhole;
@@ -27,7 +27,7 @@ pub struct Scene<'a> {
     /// Its edges.
     edges: Vec<Edge>,
     /// The cameras of the views.
-    pub cameras: &'a [Pinhole],
+    cameras: Vec<Pinhole>,
     /// Their masks.
     pub masks: &'a [Mask],
     /// The rays of each mask's outline.
@@ -47,14 +47,32 @@ const LEAST_COSINE: f64 = 0.6;
 
 impl<'a> Scene<'a> {
     /// Finds edges and rays.
-    pub fn new(body: &'a BodyModel, cameras: &'a [Pinhole], masks: &'a [Mask]) -> Scene<'a> {
+    pub fn new(body: &'a BodyModel, cameras: &[Pinhole], masks: &'a [Mask]) -> Scene<'a> {
         Scene {
             faces: &body.faces,
             edges: edges(&body.faces),
-            cameras,
+            cameras: cameras.to_vec(),
             masks,
             rays: cameras.iter().zip(masks).map(|(camera, mask)| rays(camera, mask)).collect(),
         }
+    }
+
+    /// The cameras of the views.
+    pub fn cameras(&self) -> &[Pinhole] {
+        &self.cameras
+    }
+
+    /// Turns and moves the cameras, and the rays with them.
+    pub fn set_cameras(&mut self, cameras: Vec<Pinhole>) {
+        for (camera, rays) in cameras.iter().zip(&mut self.rays) {
+            for ray in rays {
+                // R and t do not enter the lens, so what had a line still has one.
+                if let Some(line) = line_of_sight(camera, ray.contour.position_px) {
+                    ray.line = line;
+                }
+            }
+        }
+        self.cameras = cameras;
     }
 
     fn rasters<'s>(&'s self, vertices: &'s [Vector3]) -> impl Iterator<Item = Raster> + 's {
@@ -75,7 +93,7 @@ impl<'a> Scene<'a> {
         let mesh = Mesh { vertices: vertices.to_vec(), faces: self.faces.to_vec() };
         let normals = mesh.vertex_normals();
         let mut seen = Seen { iou: Vec::new(), outlines: Vec::new() };
-        for ((raster, mask), camera) in self.rasters(vertices).zip(self.masks).zip(self.cameras) {
+        for ((raster, mask), camera) in self.rasters(vertices).zip(self.masks).zip(&self.cameras) {
             seen.iou.push(mask_iou(&raster.mask.inside, &mask.inside).unwrap_or(0.0));
             seen.outlines.push(outline(vertices, &normals, &self.edges, self.faces, camera, &raster));
         }

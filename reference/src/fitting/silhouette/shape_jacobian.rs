@@ -27,14 +27,12 @@ const STEP_TOLERANCE: f64 = 1e-3;
 /// Steps of conjugate gradients at most.
 const STEP_LIMIT: usize = 60;
 
-/// The derivative of one robust residual.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Row {
-    /// The vertex whose offset it feels.
-    pub vertex: usize,
-    /// By that offset.
-    pub by_vertex: Vector3,
-    /// By the betas, B numbers.
+/// The derivatives of the robust residuals.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Rows {
+    /// The vertex whose offset each residual feels, and the derivative by that offset.
+    pub by_offset: Vec<(usize, Vector3)>,
+    /// By the betas: B numbers for each residual.
     pub by_betas: Vec<f64>,
 }
 
@@ -47,7 +45,7 @@ impl Preconditioner {
     ///
     /// # Panics
     /// If ω_B is not positive: M may then be singular.
-    pub fn new(regulariser: &Regulariser, weights: &Weights, rows: &[Row]) -> Preconditioner {
+    pub fn new(regulariser: &Regulariser, weights: &Weights, rows: &Rows) -> Preconditioner {
         assert!(
             weights.model > 0.0,
             "Preconditioner: ω_B = {} leaves rigid motions of the offsets free",
@@ -55,14 +53,15 @@ impl Preconditioner {
         );
         let n = regulariser.vertex_count();
         let mut data = vec![0.0; n];
-        for row in rows {
-            data[row.vertex] += norm_squared(row.by_vertex) / 3.0;
+        for (vertex, derivative) in &rows.by_offset {
+            data[*vertex] += norm_squared(*derivative) / 3.0;
         }
         let entries: Vec<(usize, usize, f64)> =
             data.into_iter().enumerate().map(|(i, d)| (i, i, d)).collect();
         let data = Sparse::from_triplets(n, n, &entries);
         let matrix = Sparse::combination(1.0, &regulariser.gram(weights), 1.0, &data);
-        let factor = SparseCholesky::factor(&matrix).expect("a Gram matrix and a positive diagonal");
+        let factor =
+            regulariser.ordering(&matrix).factor(&matrix).expect("a Gram matrix and a positive diagonal");
         Preconditioner(Rc::new(factor))
     }
 
@@ -77,7 +76,7 @@ impl Preconditioner {
 #[derive(Clone, Debug)]
 pub struct ShapeJacobian {
     betas: usize,
-    rows: Vec<Row>,
+    rows: Rows,
     /// None: the offsets are not free.
     regulariser: Option<Regulariser>,
     weights: Weights,
@@ -90,16 +89,16 @@ impl ShapeJacobian {
     /// J with B = `betas`, the robust rows, and, if offsets are free, their regulariser and preconditioner.
     pub fn new(
         betas: usize,
-        rows: Vec<Row>,
+        rows: Rows,
         regulariser: Option<Regulariser>,
         weights: Weights,
         preconditioner: Option<Preconditioner>,
     ) -> ShapeJacobian {
         let mut gram = Dense::zeros(betas, betas);
-        for row in &rows {
+        for row in rows.by_betas.chunks_exact(betas.max(1)) {
             for k in 0..betas {
                 for l in 0..=k {
-                    gram[(k, l)] += row.by_betas[k] * row.by_betas[l];
+                    gram[(k, l)] += row[k] * row[l];
                 }
             }
         }
@@ -108,6 +107,10 @@ impl ShapeJacobian {
         }
         let betas_factor = Cholesky::factor(&gram);
         ShapeJacobian { betas, rows, regulariser, weights, preconditioner, betas_factor }
+    }
+
+    fn row_by_betas(&self, n: usize) -> &[f64] {
+        &self.rows.by_betas[n * self.betas..(n + 1) * self.betas]
     }
 
     fn precondition(&self, r: &[f64]) -> Vec<f64> {
@@ -127,14 +130,14 @@ impl ShapeJacobian {
 impl Jacobian for ShapeJacobian {
     fn apply(&self, d: &[f64]) -> Vec<f64> {
         let (betas, offsets) = d.split_at(self.betas);
-        let mut image = Vec::with_capacity(self.rows.len() + 2 * d.len());
-        for row in &self.rows {
-            let by_betas: f64 = row.by_betas.iter().zip(betas).map(|(a, d)| a * d).sum();
-            let by_vertex: f64 = match offsets.get(3 * row.vertex..3 * row.vertex + 3) {
-                Some(d) => row.by_vertex.iter().zip(d).map(|(a, d)| a * d).sum(),
+        let mut image = Vec::with_capacity(self.rows.by_offset.len() + 2 * d.len());
+        for (n, (vertex, derivative)) in self.rows.by_offset.iter().enumerate() {
+            let by_betas: f64 = self.row_by_betas(n).iter().zip(betas).map(|(a, d)| a * d).sum();
+            let by_offset: f64 = match offsets.get(3 * vertex..3 * vertex + 3) {
+                Some(d) => derivative.iter().zip(d).map(|(a, d)| a * d).sum(),
                 None => 0.0,
             };
-            image.push(by_betas + by_vertex);
+            image.push(by_betas + by_offset);
         }
         if let Some(regulariser) = &self.regulariser {
             image.extend(regulariser.apply(&self.weights, offsets));
@@ -144,19 +147,19 @@ impl Jacobian for ShapeJacobian {
     }
 
     fn apply_transposed(&self, r: &[f64]) -> Vec<f64> {
-        let (data, rest) = r.split_at(self.rows.len());
+        let (data, rest) = r.split_at(self.rows.by_offset.len());
         let (regularisers, shape) = rest.split_at(rest.len() - self.betas);
         let mut image: Vec<f64> = shape.iter().map(|r| self.weights.shape * r).collect();
         if let Some(regulariser) = &self.regulariser {
             image.extend(regulariser.apply_transposed(&self.weights, regularisers));
         }
         let (betas, offsets) = image.split_at_mut(self.betas);
-        for (row, r) in self.rows.iter().zip(data) {
-            for (sum, a) in betas.iter_mut().zip(&row.by_betas) {
+        for (n, ((vertex, derivative), r)) in self.rows.by_offset.iter().zip(data).enumerate() {
+            for (sum, a) in betas.iter_mut().zip(self.row_by_betas(n)) {
                 *sum += a * r;
             }
-            if let Some(sums) = offsets.get_mut(3 * row.vertex..3 * row.vertex + 3) {
-                for (sum, a) in sums.iter_mut().zip(row.by_vertex) {
+            if let Some(sums) = offsets.get_mut(3 * vertex..3 * vertex + 3) {
+                for (sum, a) in sums.iter_mut().zip(derivative) {
                     *sum += a * r;
                 }
             }

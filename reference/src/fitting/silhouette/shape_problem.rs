@@ -15,12 +15,12 @@
 
 use super::rays::unposed;
 use super::regulariser::Regulariser;
-use super::shape_jacobian::{Preconditioner, Row, ShapeJacobian};
+use super::shape_jacobian::{Preconditioner, Rows, ShapeJacobian};
 use crate::body::BodyModel;
 use crate::body::posed_body::PosedBody;
 use crate::camera::Pinhole;
 use crate::least_squares::Problem;
-use crate::linalg::matrix::{Matrix3, apply};
+use crate::linalg::matrix::{Matrix3, apply, apply_transposed};
 use crate::linalg::vector::{Vector3, ZERO, add, sub};
 use crate::plucker::Line;
 use crate::robust_loss;
@@ -227,22 +227,20 @@ impl<'a> ShapeProblem<'a> {
     }
 
     /// The derivatives of the robust rows at x, in the order of the residuals.
-    fn rows(&self, x: &[f64]) -> Vec<Row> {
+    fn rows(&self, x: &[f64]) -> Rows {
         let b = self.start_betas.len();
         let sigma = self.weights.sigma_m;
         let places = self.places(x);
-        let mut rows = Vec::with_capacity(3 * self.rays.len() + 2 * self.pixels.len());
+        let mut rows = Rows::default();
+        rows.by_betas.reserve(b * (3 * self.rays.len() + 2 * self.pixels.len()));
         let mut push =
             |point: &Point, slope: f64, direction: Vector3, linear: Option<&Matrix3>, by_betas: &[f64]| {
                 let direction = direction.map(|d| slope * d);
-                let by_vertex = match linear {
-                    Some(m) => crate::linalg::matrix::apply_transposed(m, direction),
-                    None => direction,
-                };
-                let by_betas = (0..b)
-                    .map(|l| (0..3).map(|axis| direction[axis] * by_betas[axis * b + l]).sum())
-                    .collect();
-                rows.push(Row { vertex: point.vertex, by_vertex, by_betas });
+                let by_offset = linear.map_or(direction, |m| apply_transposed(m, direction));
+                rows.by_offset.push((point.vertex, by_offset));
+                rows.by_betas.extend(
+                    (0..b).map(|l| (0..3).map(|axis| direction[axis] * by_betas[axis * b + l]).sum::<f64>()),
+                );
             };
         for term in &self.rays {
             let point = &self.points[term.point];

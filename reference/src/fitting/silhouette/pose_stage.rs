@@ -1,0 +1,95 @@
+//! Pose, shape and translation to outlines: rounds of pairing and of the [outline problem](super::outline_problem).
+//!
+//! The reach of the pairing shrinks geometrically from round to round, and with it the scale of the robust loss: first limbs
+//! find their place, then contour points within two pixels decide.
+
+use super::options::PoseRefinement;
+use super::outline_problem::{KeypointPair, OutlineProblem, Sigmas};
+use super::result::{SilhouetteStage, StageKind};
+use super::scene::Scene;
+use super::shape_stage::energy;
+use super::state::State;
+use super::unfold::Damping;
+use crate::least_squares::{Dogleg, Termination};
+
+/// Accepted steps within one round of the pose refinement: the pairs change, so the minimum of a round is worth little.
+const STEPS_PER_ROUND: usize = 2;
+/// Of the last round, which is to end at its minimum.
+const LAST_ROUND_STEPS: usize = 30;
+
+/// Pose, shape and translation, and if they are free the cameras, to outlines and keypoints; undone if it lowers the overlap.
+pub fn pose_stage(
+    state: &mut State,
+    scene: &mut Scene,
+    keypoints: &[KeypointPair],
+    cameras_free: bool,
+    options: &PoseRefinement,
+) -> SilhouetteStage {
+    let prior_pose = state.pose.clone();
+    let mut report = SilhouetteStage {
+        kind: StageKind::Pose,
+        energy_before: f64::INFINITY,
+        energy: f64::INFINITY,
+        iterations: 0,
+        evaluations: 0,
+        termination: Termination::IterationLimit,
+        correspondences: 0,
+        iou: Vec::new(),
+        damping: Damping::NONE,
+        reverted: false,
+    };
+    let before = (state.pose.clone(), state.betas.clone(), state.trans, scene.cameras().to_vec());
+    let mut overlap_before = None;
+    for round in 0..options.rounds {
+        let last = round + 1 == options.rounds;
+        let dogleg = Dogleg {
+            max_iterations: if last { LAST_ROUND_STEPS } else { STEPS_PER_ROUND },
+            improvement_tolerance: 1e-4,
+            ..Dogleg::default()
+        };
+        let progress = round as f64 / (options.rounds - 1).max(1) as f64;
+        let reach_px = options.reach_px[0] * (options.reach_px[1] / options.reach_px[0]).powf(progress);
+        let seen = scene.see(&state.vertices());
+        overlap_before.get_or_insert_with(|| seen.iou.iter().sum::<f64>());
+        let pairs = scene.outline_pairs(&seen, reach_px);
+        let sigmas = Sigmas {
+            contour_px: options.contour_sigma_px,
+            robust_px: 0.5 * reach_px,
+            keypoint_px: options.keypoint_sigma_px,
+            pose_rad: options.pose_sigma_rad,
+        };
+        let problem = OutlineProblem::new(
+            state.body,
+            &state.skeleton,
+            scene.cameras(),
+            cameras_free,
+            &state.offsets,
+            &pairs,
+            keypoints,
+            &prior_pose,
+            sigmas,
+        );
+        let start = problem.start(&state.pose, &state.betas, state.trans);
+        let solution = dogleg.minimize(&problem, &start);
+        report.energy_before = energy(&problem, &start);
+        report.energy = solution.energy;
+        report.iterations += solution.iterations;
+        report.evaluations += solution.evaluations;
+        report.termination = solution.termination;
+        report.correspondences = pairs.len();
+        let (pose, betas, trans, cameras) = problem.finish(&solution.x);
+        (state.pose, state.betas, state.trans) = (pose, betas, trans);
+        if cameras_free {
+            scene.set_cameras(cameras);
+        }
+    }
+    report.iou = scene.iou(&state.vertices());
+    if overlap_before.is_some_and(|overlap| report.iou.iter().sum::<f64>() < overlap) {
+        let (pose, betas, trans, cameras) = before;
+        (state.pose, state.betas, state.trans) = (pose, betas, trans);
+        scene.set_cameras(cameras);
+        report.reverted = true;
+        report.iou = scene.iou(&state.vertices());
+    }
+    report
+}
