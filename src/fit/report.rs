@@ -79,7 +79,7 @@ fn silhouettes(fit: &SilhouetteFit, observed: &Observed) -> Value {
             "ending": stage.termination.to_string(),
             "correspondences": stage.correspondences,
             "iou": by_view(&stage.iou),
-            "offsets_smoothed": stage.damping.smoothing_rounds,
+            "offsets_smoothed": stage.damping.repair_rounds,
             "offsets_scaled": stage.damping.scale,
         })
     };
