@@ -100,5 +100,6 @@ fn verdict(verdict: &Verdict) -> &'static str {
         Verdict::ViewsDisagree { .. } => "views-disagree",
         Verdict::ImplausibleBody { .. } => "implausible-body",
         Verdict::ImplausiblePose { .. } => "implausible-pose",
+        Verdict::SidesExchanged => "sides-exchanged",
     }
 }

@@ -192,6 +192,20 @@ impl KeypointSet {
         }
     }
 
+    /// The same keypoint on the other side of the body; itself for one of the middle.
+    ///
+    /// # Panics
+    /// If the set has no keypoint `k`.
+    pub fn mirrored(self, k: usize) -> usize {
+        let name = self.name(k);
+        let other = match (name.strip_prefix("left_"), name.strip_prefix("right_")) {
+            (Some(part), _) => ["right_", part].concat(),
+            (_, Some(part)) => ["left_", part].concat(),
+            _ => return k,
+        };
+        (0..self.count()).find(|&m| self.name(m) == other).unwrap_or(k)
+    }
+
     /// The keypoints' points on `body`, `None` for one that this body does not have.
     ///
     /// Vertices and the regressed points of COCO-18 belong to SMPL's mesh and skeleton. On a body with another mesh the
@@ -240,6 +254,7 @@ pub fn has_smpl_tree(parents: &[Option<usize>]) -> bool {
 mod tests {
     use super::*;
     use crate::body::mannequin;
+    use crate::body::mannequin::MIRRORED_JOINT;
 
     fn index(set: KeypointSet, name: &str) -> usize {
         (0..set.count()).find(|&k| set.name(k) == name).expect(name)
@@ -255,6 +270,15 @@ mod tests {
                 assert_eq!(JOINT_NAMES[joints[0].0], expected, "{set:?} {k}");
             }
         }
+    }
+
+    #[test]
+    fn mirroring_twice_changes_nothing() {
+        for set in KeypointSet::ALL {
+            assert!((0..set.count()).all(|k| set.mirrored(set.mirrored(k)) == k), "{set:?}");
+            assert_ne!(set.mirrored(set.torso()[0]), set.torso()[0]);
+        }
+        assert_eq!((0..24).map(|k| KeypointSet::Smpl24.mirrored(k)).collect::<Vec<_>>(), MIRRORED_JOINT);
     }
 
     #[test]

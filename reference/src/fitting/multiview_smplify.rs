@@ -9,7 +9,7 @@ use super::layout::Layout;
 use super::observation::{Extrinsics, Observation, Refusal};
 use super::polish::{Case, Model, Polished, polish};
 use super::presets::{Options, PosePrior, Stage, Start, Translations};
-use super::result::{Fit, Parameters, StageReport};
+use super::result::{Fit, Parameters, StageReport, Verdict};
 use super::start::Evidence;
 use super::verdict::{verdict, view_residuals};
 use crate::body::{BodyModel, Hinge, Skeleton};
@@ -18,7 +18,15 @@ use crate::linalg::matrix::IDENTITY;
 use crate::linalg::vector::{ZERO, add};
 
 /// Accepted steps after which starts are compared.
-const TRIAL_ITERATIONS: usize = 12;
+const TRIAL_ITERATIONS: usize = 16;
+/// A body less likely than this is looked at again with left and right exchanged; poses of every day stay below.
+const SUSPICIOUS: f64 = 60.0;
+/// The exchange counts if it leaves less than this of the unlikeliness.
+const HARDLY: f64 = 0.4;
+/// Energies that differ by less than this fraction belong to one minimum.
+const SAME_ENERGY: f64 = 0.005;
+/// Marks that are met to this noise are met exactly, and no other start can do better, pixels.
+const EXACT_PX: f64 = 0.02;
 /// Noise that is believed at first is the median error of the start times this, within these bounds, pixels.
 const NOISE_OF_MEDIAN: f64 = 1.5;
 const FIRST_NOISE_PX: [f64; 2] = [0.5, 50.0];
@@ -98,6 +106,33 @@ impl<'a> MultiviewSmplify<'a> {
         options: &Options,
         initial: Option<&Parameters>,
     ) -> Result<Fit, Refusal> {
+        let mut fit = self.fit_as_marked(observation, options, initial)?;
+        if unlikeliness(&fit.parameters) > SUSPICIOUS {
+            let mut exchanged = observation.clone();
+            for (view, marked) in exchanged.views.iter_mut().zip(&observation.views) {
+                for (k, keypoint) in view.keypoints.iter_mut().enumerate() {
+                    *keypoint = marked.keypoints[observation.keypoint_set.mirrored(k)];
+                }
+            }
+            // An exchanged person is no refusal of this one.
+            if let Ok(other) = self.fit_as_marked(&exchanged, options, None)
+                && other.verdict.is_success()
+                && unlikeliness(&other.parameters) < HARDLY * unlikeliness(&fit.parameters)
+                && total_px(&other) <= 1.2 * total_px(&fit) + 1.0
+            {
+                fit.verdict = Verdict::SidesExchanged;
+            }
+        }
+        Ok(fit)
+    }
+
+    /// The fit, with the labels taken at their word.
+    fn fit_as_marked(
+        &self,
+        observation: &Observation,
+        options: &Options,
+        initial: Option<&Parameters>,
+    ) -> Result<Fit, Refusal> {
         let figure = Figure::new(self.body, &self.skeleton, observation.keypoint_set);
         let detections = detections(observation, &figure)?;
         self.check(observation, options, initial)?;
@@ -168,6 +203,20 @@ impl<'a> MultiviewSmplify<'a> {
         }
         start
     }
+}
+
+/// −2 ln of a body's probability under the polishing stage's first beliefs, without constants.
+fn unlikeliness(parameters: &Parameters) -> f64 {
+    let model = Model::initial(1.0);
+    let turns = parameters.pose.chunks_exact(3).enumerate().skip(1);
+    let pose: f64 =
+        turns.map(|(j, t)| t.iter().map(|x| x * x).sum::<f64>() / model.deviation_rad(j).powi(2)).sum();
+    pose + parameters.betas.iter().map(|b| b * b).sum::<f64>()
+}
+
+/// The sum of the views' mean distances.
+fn total_px(fit: &Fit) -> f64 {
+    fit.views.iter().map(|v| v.mean_px).sum()
 }
 
 /// The marks that count, with weights relative to the heaviest.
@@ -255,32 +304,41 @@ impl Run<'_> {
 
     /// The best of several starts, after a short descent from each under the polishing stage's model.
     ///
-    /// To compare them their energies are taken under one model: the least noise that any of them found.
+    /// To compare them their energies are taken under one model: the least noise that any of them found. The search ends when
+    /// a descent meets the marks exactly, or when two descents from different starts meet at the best energy so far.
     fn choose(&self, starts: Vec<Parameters>) -> Option<Chosen> {
         let mut starts: Vec<(Parameters, f64)> = starts
             .into_iter()
-            .filter_map(|start| Some((start.clone(), self.first_noise_px(&start)?)))
+            .filter_map(|start| {
+                let noise_px = self.first_noise_px(&start)?;
+                Some((start, noise_px))
+            })
             .collect();
         if starts.len() < 2 {
             return starts.pop().map(|(start, _)| Chosen { start, trial: None });
         }
         let (layout, detections) = (self.layout(Translations::Free), self.relative_detections());
-        let trials: Vec<(Parameters, Polished)> = starts
-            .into_iter()
-            .map(|(start, noise_px)| {
-                let case = self.case(&layout, &start, &detections);
-                let trial = polish(&case, Model::initial(noise_px), &layout.pack(&start), TRIAL_ITERATIONS);
-                (start, trial)
-            })
-            .collect();
-        let least = trials.iter().map(|(_, t)| t.model.noise_px).fold(f64::INFINITY, f64::min);
-        let common = Model::initial(least);
-        let energy = |(start, trial): &(Parameters, Polished)| {
-            let case = self.case(&layout, start, &detections);
-            let residuals = case.energy(&common, &case.damping(&common)).residuals(&trial.solution.x);
-            residuals.map_or(f64::INFINITY, |r| r.iter().map(|r| r * r).sum())
-        };
-        let (start, trial) = trials.into_iter().min_by(|a, b| energy(a).total_cmp(&energy(b)))?;
+        let mut trials: Vec<(Parameters, Polished)> = Vec::new();
+        let mut energies: Vec<f64> = Vec::new();
+        for (start, noise_px) in starts {
+            let case = self.case(&layout, &start, &detections);
+            let trial = polish(&case, Model::initial(noise_px), &layout.pack(&start), TRIAL_ITERATIONS);
+            trials.push((start, trial));
+            let least = trials.iter().map(|(_, t)| t.model.noise_px).fold(f64::INFINITY, f64::min);
+            let common = Model::initial(least);
+            let energy = |(start, trial): &(Parameters, Polished)| {
+                let case = self.case(&layout, start, &detections);
+                let residuals = case.energy(&common, &case.damping(&common)).residuals(&trial.solution.x);
+                residuals.map_or(f64::INFINITY, |r| r.iter().map(|r| r * r).sum())
+            };
+            energies = trials.iter().map(energy).collect();
+            let best = energies.iter().copied().fold(f64::INFINITY, f64::min);
+            let together = energies.iter().filter(|&&e| e <= (1.0 + SAME_ENERGY) * best).count();
+            if least < EXACT_PX || together > 1 {
+                break;
+            }
+        }
+        let ((start, trial), _) = trials.into_iter().zip(energies).min_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(Chosen { start, trial: Some(trial) })
     }
 
@@ -302,12 +360,14 @@ impl Run<'_> {
             if let Some(trial) = &trial {
                 at = self.layout(Translations::Free).unpack(&trial.solution.x, &at);
             }
-            let first = match trial {
-                Some(trial) => trial.model,
-                None => Model::initial(self.first_noise_px(&at).ok_or(Refusal::NoStart)?),
+            let (first, gone) = match trial {
+                Some(Polished { model, solution }) => (model, [solution.iterations, solution.evaluations]),
+                None => (Model::initial(self.first_noise_px(&at).ok_or(Refusal::NoStart)?), [0; 2]),
             };
             let case = self.case(&layout, &at, &detections);
-            let polished = polish(&case, first, &layout.pack(&at), limits.max_iterations);
+            let mut polished = polish(&case, first, &layout.pack(&at), limits.max_iterations);
+            polished.solution.iterations += gone[0];
+            polished.solution.evaluations += gone[1];
             noise_px = Some(polished.model.noise_px);
             stages.push(report(&polished.solution));
             at = layout.unpack(&polished.solution.x, &at);

@@ -13,11 +13,11 @@
 //! unknowns, and the evidence has its maximum where
 //!
 //! ```text
-//! s² = Σ w² ρ(e) / (number of residuals − γ),      τ_g² = Σ_{c ∈ g} θ_c² / Σ_{c ∈ g} γ_c.
+//! s² = Σ v w² e² / (Σ v − γ),      τ_g² = Σ_{c ∈ g} θ_c² / Σ_{c ∈ g} γ_c.
 //! ```
 //!
-//! Descent and re-estimation alternate. Exact marks give s → 0: the priors fade to a tie-break in directions that the data
-//! leave open. Noisy marks give the maximum a posteriori. The loss is made for outliers, so its σ follows the noise as 10 s.
+//! with v the loss' own weight, near 1 for inliers and 0 for outliers. Descent and re-estimation alternate. Exact marks give s → 0: the priors fade to a tie-break in directions that the data
+//! leave open. Noisy marks give the maximum a posteriori. The loss is made for outliers, so its σ follows the noise as 5 s.
 //!
 //! # References
 //! MacKay 1992, "Bayesian interpolation", for the fixed point; the stage itself is not in the thesis, whose priors bias
@@ -33,7 +33,7 @@ use crate::body::Hinge;
 use crate::least_squares::{Dogleg, Problem, Solution, Termination};
 use crate::linalg::cholesky::Cholesky;
 use crate::linalg::dense::Dense;
-use crate::robust_loss::rho;
+use crate::robust_loss::weight;
 
 /// Joints of the trunk in SMPL's tree: spine, neck, collars.
 pub(super) const TRUNK: [usize; 6] = [3, 6, 9, 12, 13, 14];
@@ -45,8 +45,8 @@ const DEVIATION_STRENGTH: f64 = 4.0;
 /// A limb this far beyond straight is as unlikely as a deviation.
 const BACKWARD_BEND_RAD: f64 = 0.1;
 /// σ of the loss in units of the noise, and at least, pixels: rounding and lenses are never below.
-const SIGMA_OF_NOISE: f64 = 10.0;
-const LEAST_SIGMA_PX: f64 = 5.0;
+const SIGMA_OF_NOISE: f64 = 5.0;
+const LEAST_SIGMA_PX: f64 = 1.0;
 /// Exact data would drive s to 0 and the normal equations to singularity. At 10⁻³ px the priors move joints by less than
 /// 10⁻⁶ m.
 const LEAST_NOISE_PX: f64 = 1e-3;
@@ -76,7 +76,19 @@ impl Model {
             sigma_px: (SIGMA_OF_NOISE * noise_px).max(LEAST_SIGMA_PX),
         }
     }
+
+    /// τ of a joint, radians per component.
+    pub fn deviation_rad(&self, joint: usize) -> f64 {
+        if TRUNK.contains(&joint) { self.trunk_rad } else { self.limbs_rad }
+    }
 }
+
+/// Steps between two estimates of the model, and the fraction by which its numbers may still change at the end.
+const ROUND_ITERATIONS: usize = 4;
+const SETTLED: f64 = 0.02;
+/// Descents between estimates, and the last one, stop when the energy falls by less than these fractions.
+const ROUND_IMPROVEMENT: f64 = 1e-2;
+const LAST_IMPROVEMENT: f64 = 1e-4;
 
 /// What stays the same while a case is polished.
 #[derive(Clone, Copy, Debug)]
@@ -99,10 +111,8 @@ impl Case<'_> {
     /// (column, weight) of every Gaussian prior of the model.
     pub fn damping(&self, model: &Model) -> Vec<(usize, f64)> {
         let shape = self.layout.betas.clone().map(|c| (c, model.noise_px));
-        let pose = (3..self.layout.pose.len()).map(|n| {
-            let deviation = if TRUNK.contains(&(n / 3)) { model.trunk_rad } else { model.limbs_rad };
-            (self.layout.pose.start + n, model.noise_px / deviation)
-        });
+        let pose = (3..self.layout.pose.len())
+            .map(|n| (self.layout.pose.start + n, model.noise_px / model.deviation_rad(n / 3)));
         pose.chain(shape).collect()
     }
 
@@ -165,10 +175,10 @@ impl Case<'_> {
         let errors = energy.keypoints.errors(&parameters)?;
         let (mut squares, mut count) = (0.0, 0.0);
         for (e, d) in errors.iter().flatten().zip(self.detections.iter().flat_map(|d| [d, d])) {
-            let loss = rho(*e, model.sigma_px);
-            squares += d.weight * d.weight * loss;
             // An outlier carries no information about the noise of the others.
-            count += 1.0 - loss / (model.sigma_px * model.sigma_px);
+            let inlier = weight(*e, model.sigma_px);
+            squares += inlier * (d.weight * e).powi(2);
+            count += inlier;
         }
         let spare = count - gamma;
         let least = if self.layout.len > 2 * self.detections.len() {
@@ -222,7 +232,8 @@ pub fn polish(case: &Case, start: Model, x: &[f64], max_iterations: usize) -> Po
     let mut model = start;
     let mut x = x.to_vec();
     while iterations < max_iterations {
-        let round = case.descend(&model, &x, ROUND_ITERATIONS.min(max_iterations - iterations), 1e-2);
+        let round =
+            case.descend(&model, &x, ROUND_ITERATIONS.min(max_iterations - iterations), ROUND_IMPROVEMENT);
         iterations += round.iterations;
         evaluations += round.evaluations;
         x = round.x;
@@ -230,15 +241,15 @@ pub fn polish(case: &Case, start: Model, x: &[f64], max_iterations: usize) -> Po
             break;
         }
         let Some(next) = case.re_estimate(&model, &x) else { break };
-        let settled = (next.noise_px / model.noise_px - 1.0).abs() < 0.02
-            && (next.trunk_rad / model.trunk_rad - 1.0).abs() < 0.02
-            && (next.limbs_rad / model.limbs_rad - 1.0).abs() < 0.02;
+        let numbers = |m: &Model| [m.noise_px, m.trunk_rad, m.limbs_rad];
+        let settled =
+            numbers(&next).iter().zip(numbers(&model)).all(|(new, old)| (new / old - 1.0).abs() < SETTLED);
         model = next;
         if settled {
             break;
         }
     }
-    let last = case.descend(&model, &x, max_iterations.saturating_sub(iterations).max(1), 1e-6);
+    let last = case.descend(&model, &x, max_iterations.saturating_sub(iterations).max(1), LAST_IMPROVEMENT);
     Polished {
         solution: Solution {
             iterations: iterations + last.iterations,
@@ -248,6 +259,3 @@ pub fn polish(case: &Case, start: Model, x: &[f64], max_iterations: usize) -> Po
         model,
     }
 }
-
-/// Steps between two estimates of the model.
-const ROUND_ITERATIONS: usize = 4;

@@ -40,6 +40,8 @@ pub struct ViewResidual {
     pub mean_px: f64,
     /// The median distance, which a few wrong detections do not move.
     pub median_px: f64,
+    /// A quarter of the distances are above.
+    pub upper_quartile_px: f64,
     /// The root mean square distance.
     pub rms_px: f64,
     /// The largest distance.
@@ -66,8 +68,10 @@ pub enum Verdict {
         /// Its value.
         value: f64,
     },
-    /// The body on the keypoints is in nobody's pose: a joint bent backwards or turned too far, as happens when left and
-    /// right are exchanged.
+    /// With the keypoints of left and right exchanged the person would stand far more like a person: the labels are those of
+    /// a mirror image.
+    SidesExchanged,
+    /// The body on the keypoints is in nobody's pose: a joint bent backwards or turned too far.
     ImplausiblePose {
         /// Which joint.
         joint: usize,
@@ -93,6 +97,7 @@ impl fmt::Display for Verdict {
                 let (noun, verb) = if views.len() == 1 { ("view", "lies") } else { ("views", "lie") };
                 write!(f, "{noun} {} {verb} far from the body that fits the rest", list.join(", "))
             }
+            Verdict::SidesExchanged => write!(f, "left and right seem to be exchanged in the keypoints"),
             Verdict::ImplausiblePose { joint, angle_rad } => {
                 write!(f, "implausible pose: joint {joint} is turned by {:.0}°", angle_rad.to_degrees())
             }

@@ -94,9 +94,18 @@ impl<'a> Evidence<'a> {
                 if found.is_some() { found.into_iter().collect() } else { self.templates() }
             }
             Extrinsics::Unknown => {
-                let mut starts = self.structures();
-                starts.extend(self.templates());
-                starts
+                // In turns: the two kinds fail for different reasons, so that their agreement means something.
+                let (mut structures, mut templates) =
+                    (self.structures().into_iter(), self.templates().into_iter());
+                let mut starts = Vec::new();
+                loop {
+                    let before = starts.len();
+                    starts.extend(structures.next());
+                    starts.extend(templates.next());
+                    if starts.len() == before {
+                        return starts;
+                    }
+                }
             }
         }
     }

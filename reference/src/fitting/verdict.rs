@@ -7,11 +7,14 @@ use crate::body::Hinge;
 use crate::least_squares::Termination;
 use crate::linalg::vector::{add, norm};
 
-/// A view disagrees if half of its marks are farther from the body than this fraction of the body's size in the picture.
-/// Detectors miss by one to three hundredths.
+/// A view disagrees if half of its marks are farther from the body than this fraction of the body's size in the picture, or a
+/// quarter of them farther than the other. Detectors miss by one to three hundredths.
 const FAR: f64 = 0.05;
-/// Errors that neighbours share are not a detector's (see [`coherence`]); then this much is too far already. Detectors and
-/// skeletons may disagree by a hundredth on where a joint is.
+const FAR_FOR_A_QUARTER: f64 = 0.055;
+/// A picture of a body smaller than this says nothing, pixels.
+const LEAST_SIZE_PX: f64 = 4.0;
+/// Errors that neighbours share are not a detector's (see [`coherence`](super::coherence)); then this much is too far already.
+/// Detectors and skeletons may disagree by a hundredth on where a joint is.
 const FAR_TOGETHER: f64 = 0.01;
 /// Noise reaches 0.1 in a hundred fits; bodies of other people 0.7 and more.
 const TOGETHER: f64 = 0.5;
@@ -42,6 +45,7 @@ pub fn view_residuals(detections: &[Detection], errors: &[[f64; 2]], views: usiz
                 count,
                 mean_px: mean(|d| *d),
                 median_px: 0.5 * (distances[(count - 1) / 2] + distances[count / 2]),
+                upper_quartile_px: distances[3 * (count - 1) / 4],
                 rms_px: mean(|d| d * d).sqrt(),
                 max_px: distances[count - 1],
             }
@@ -87,7 +91,10 @@ pub fn verdict(
         .zip(sizes_px(figure, parameters))
         .enumerate()
         .filter(|(_, (view, size))| {
-            view.count > 0 && (view.median_px.is_nan() || view.median_px > most * size)
+            let near = *size >= LEAST_SIZE_PX
+                && view.median_px <= most * size
+                && view.upper_quartile_px <= FAR_FOR_A_QUARTER * size;
+            view.count > 0 && !near
         })
         .map(|(i, _)| i)
         .collect();
