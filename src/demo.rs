@@ -5,10 +5,12 @@ mod page;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use vitruvian_reference::metric::joints::mean_joint_error;
+use vitruvian_reference::surface::mesh::Mesh;
 use vitruvian_runtime::file::atomic;
 
 use crate::body;
-use crate::evaluate::surfaces::{Measures, Sampling};
+use crate::evaluate::surfaces::{self, Measures, Sampling};
 use crate::failure::Result;
 use crate::mesh_format::MeshFormat;
 use crate::output_folder::OutputFolder;
@@ -16,12 +18,12 @@ use crate::progress::StageBars;
 use crate::reconstruct::body_capture::{BodyCapture, stage_name};
 use crate::reconstruct::{self, Networks};
 use crate::synthesis::{Scene, Settings};
-use crate::{synthesize, table};
+use crate::{fit, synthesize, table};
 
 /// The folder of the capture within the results.
 const CAPTURE: &str = "capture";
 
-/// Show it all: photograph a made-up person, reconstruct the body, refine it, measure it against the truth
+/// Show it all: photograph a made-up person, fit a body, reconstruct the surface, refine it, measure against the truth
 ///
 /// Writes the capture, the meshes, pictures and a page, index.html, that shows them.
 #[derive(clap::Args)]
@@ -40,17 +42,32 @@ pub struct Arguments {
     resolution: usize,
 }
 
+/// The folder of the fitted body within the results.
+const FIT: &str = "fit";
+
+/// How far the fitted body is from the truth.
+pub struct Body {
+    /// Eq. 2.7, millimetres.
+    pub joint_error_mm: f64,
+    /// Of the skin, against the dressed surface.
+    pub measures: Option<Measures>,
+    /// Triangles.
+    pub faces: usize,
+}
+
 /// What the table and the page show.
 pub struct Results<'a> {
     /// Stage and seconds, in order.
     pub seconds: Vec<(&'static str, f64)>,
+    /// The body fitted to joints and masks.
+    pub fitted: Body,
     /// The surfaces and their errors.
     pub done: &'a BodyCapture,
     /// The seed of the scene.
     pub seed: u64,
 }
 
-/// Synthesises, reconstructs, measures, prints and writes.
+/// Synthesises, fits, reconstructs, measures, prints and writes.
 pub fn run(arguments: &Arguments) -> Result<()> {
     OutputFolder::check(&arguments.out)?;
     let options = reconstruct::options(arguments.resolution, false)?;
@@ -66,6 +83,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     synthesize::write(&folder.file(CAPTURE), &scene)?;
     let mut seconds = vec![("synthesise", clock.elapsed().as_secs_f64())];
 
+    bars.show("fit", 0, 1);
+    let fitted = fit::to_joints_and_masks(&folder.file(CAPTURE), &body, &folder.file(FIT))?;
+    let seen = fitted.seconds.iter().map(|(stage, seconds)| match *stage {
+        "joints" => ("fit joints", *seconds),
+        _ => ("fit masks", *seconds),
+    });
+    seconds.extend(seen);
+    let skin = Mesh::new(fitted.posed.vertices.clone(), body.faces.clone());
+    let fitted = Body {
+        joint_error_mm: 1000.0 * mean_joint_error(&fitted.posed.joints, &scene.joints),
+        measures: surfaces::measure(&skin, &scene.surface, &Sampling::default()),
+        faces: skin.faces.len(),
+    };
+
     let done =
         BodyCapture::reconstruct(&folder.file(CAPTURE), &mut networks.reconstructor, &options, &mut bars)?;
     seconds.push(("read and crop", done.seconds_to_read));
@@ -74,7 +105,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let capture = arguments.out.join(CAPTURE);
     reconstruct::write(&folder, &capture, &done, &options, MeshFormat::Ply, &networks.graphs)?;
-    let results = Results { seconds, done: &done, seed: arguments.seed };
+    let results = Results { seconds, fitted, done: &done, seed: arguments.seed };
     atomic::write(&folder.file("index.html"), page::page(&results).as_bytes())?;
     folder.place(&[])?;
     bars.clear();
@@ -95,7 +126,10 @@ impl Results<'_> {
             cells.push(format!("1/{:.0}", surface.field.points as f64 / surface.field.asked.max(1) as f64));
             cells
         };
-        self.done.surfaces().zip(&self.done.measures).map(row).collect()
+        let mut body = vec!["fitted body".to_owned()];
+        body.extend(self.fitted.measures.map_or(vec!["none".into(); Measures::HEAD.len()], |m| m.cells()));
+        body.extend([self.fitted.faces.to_string(), "–".to_owned()]);
+        [body].into_iter().chain(self.done.surfaces().zip(&self.done.measures).map(row)).collect()
     }
 
     /// The heads of [`Results::surface_rows`].
@@ -117,5 +151,7 @@ impl Results<'_> {
 fn text(results: &Results) -> String {
     let times = table::aligned(&["stage", "seconds"], &results.time_rows());
     let surfaces = table::aligned(&Results::surface_head(), &results.surface_rows());
-    format!("{times}\n\n{surfaces}\n{}", Sampling::default().words())
+    let joints =
+        format!("fitted body: joints {:.2} mm from the true ones (eq. 2.7)", results.fitted.joint_error_mm);
+    format!("{times}\n\n{surfaces}\n{}\n{joints}", Sampling::default().words())
 }

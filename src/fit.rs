@@ -1,6 +1,6 @@
 //! `vitruvian fit`: pose, shape and cameras of the person that a capture shows.
 
-mod fitted;
+pub mod fitted;
 mod observed;
 mod overlay;
 mod report;
@@ -10,15 +10,15 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
+use vitruvian_reference::body::BodyModel;
 use vitruvian_reference::fitting::Parameters;
 use vitruvian_runtime::error::Error;
 
 use self::fitted::Fitted;
 use self::observed::Observed;
-use self::settings::{Cameras, Method, Settings, Shape, Sigmas, StartMode};
+use self::settings::{Choices, Settings};
 use crate::captures::{self, Job};
 use crate::failure::{Failure, Result};
-use crate::mesh_format::MeshFormat;
 use crate::output_folder::OutputFolder;
 use crate::{body, progress};
 
@@ -35,49 +35,21 @@ pub struct Arguments {
     /// Folder for the results
     #[arg(short, long)]
     out: PathBuf,
-    /// Body model (.npz in SMPL's arrays); the built-in mannequin without it
-    #[arg(long)]
-    body: Option<PathBuf>,
-    /// What is fitted [default: silhouette with --refine-pose, else multiview-smplify]
-    #[arg(long, value_enum)]
-    method: Option<Method>,
-    /// Whether the cameras' places are given [default: known where all cameras have R and t]
-    #[arg(long, value_enum)]
-    cameras: Option<Cameras>,
-    /// Weights and stages of the fit to the joints [default: empirical-bayes; smplify for --method smplify]
-    #[arg(long)]
-    preset: Option<String>,
-    /// Where the fit to the joints begins
-    #[arg(long, value_enum, default_value_t = StartMode::Robust)]
-    start: StartMode,
-    /// Gaussian mixture as prior on the pose (.npz with means, covariances, weights), for the thesis' presets
-    #[arg(long)]
-    prior: Option<PathBuf>,
-    /// What the silhouettes change of the shape
-    #[arg(long, value_enum, default_value_t = Shape::Offsets)]
-    shape: Shape,
-    /// Table 3.1's σ for clean or for real masks
-    #[arg(long, value_enum, default_value_t = Sigmas::Synthetic)]
-    schedule: Sigmas,
-    /// Let the silhouettes move the pose as well (not in the thesis)
-    #[arg(long)]
-    refine_pose: bool,
+    #[command(flatten)]
+    choices: Choices,
     /// Fit every capture of a folder by itself
     #[arg(long)]
     independent: bool,
     /// Go on after the last frame that an interrupted run finished
     #[arg(long)]
     resume: bool,
-    /// Format of the mesh
-    #[arg(long, value_enum, default_value_t = MeshFormat::Ply)]
-    format: MeshFormat,
 }
 
 /// Fits one capture, or every capture of a folder.
 pub fn run(arguments: &Arguments) -> Result<()> {
     OutputFolder::check(&arguments.out)?;
-    let body = body::load(arguments.body.as_deref())?;
-    let settings = Settings::new(arguments, &body)?;
+    let body = body::load(arguments.choices.body.as_deref())?;
+    let settings = Settings::new(&arguments.choices, &body)?;
     let jobs = captures::jobs(&arguments.capture, &arguments.out)?;
     let is_sequence = captures::is_sequence(&arguments.capture, &jobs);
     // Everything that can be wrong with the files is said before the first fit.
@@ -98,8 +70,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     for Job { capture, out } in &jobs[done..] {
         let start = before.take().filter(|_| !arguments.independent);
-        match one(capture, out, &settings, start.as_ref(), &|words| bar.suspend(|| eprintln!("{words}"))) {
-            Ok((fitted, None)) => before = Some(fitted.parameters),
+        let warn = |words: &str| bar.suspend(|| eprintln!("warning: {words}"));
+        match one(capture, out, &settings, start.as_ref(), &warn) {
+            Ok((fitted, None)) => {
+                bar.suspend(|| eprintln!("{}: {}", out.display(), fitted.words()));
+                before = Some(fitted.parameters);
+            }
             Ok((_, Some(why))) => {
                 let negative = Failure::Negative(format!("{}: {why}", capture.display()));
                 if is_sequence {
@@ -122,22 +98,28 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     verdict(failures, jobs.len(), is_sequence)
 }
 
+/// Fits `body` to the joints and masks of one capture, pose included, and writes the results into the folder `out`.
+pub fn to_joints_and_masks(capture: &Path, body: &BodyModel, out: &Path) -> Result<Fitted> {
+    let choices = Choices { refine_pose: true, ..Choices::default() };
+    let settings = Settings::new(&choices, body)?;
+    Ok(one(capture, out, &settings, None, &|words| eprintln!("warning: {words}"))?.0)
+}
+
 /// Reads, fits and writes one capture; with why the answer is not to be trusted, if it is not.
 fn one(
     capture: &Path,
     out: &Path,
     settings: &Settings,
     before: Option<&Parameters>,
-    say: &dyn Fn(&str),
+    warn: &dyn Fn(&str),
 ) -> Result<(Fitted, Option<String>)> {
     let observed = Observed::read(capture, settings)?;
-    observed.warnings.iter().for_each(|words| say(&format!("warning: {words}")));
+    observed.warnings.iter().for_each(|words| warn(words));
     let fitted = Fitted::of(&observed, settings, before)?;
-    fitted.warnings(&observed).iter().for_each(|words| say(&format!("warning: {words}")));
+    fitted.warnings(&observed).iter().for_each(|words| warn(words));
     let folder = OutputFolder::begin(out)?;
     write::write(&folder, &observed, &fitted, settings)?;
     folder.place(&write::stale(settings))?;
-    say(&format!("{}: {}", out.display(), fitted.words()));
     let why = fitted.distrust(&observed);
     Ok((fitted, why))
 }

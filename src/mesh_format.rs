@@ -7,9 +7,10 @@ use vitruvian_runtime::file::mesh::Format;
 use crate::failure::Result;
 
 /// How a mesh is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum MeshFormat {
     /// Stanford PLY, binary
+    #[default]
     Ply,
     /// Wavefront OBJ, text
     Obj,

@@ -16,7 +16,8 @@ pub fn page(results: &Results) -> String {
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width\">\n<title>Vitruvian demo</title>\n<style>\n{STYLE}\n</style>\n\
          <h1>A body from {cameras} photographs</h1>\n\
-         <p>A person with seed {seed} was made up and photographed. From the photographs, masks and cameras alone, MF-PIFu \
+         <p>A person with seed {seed} was made up and photographed. A body was fitted to its keypoints, which are exact here, \
+         and to its masks: its joints are {joints:.2} mm from the true ones. From the photographs, masks and cameras alone, MF-PIFu \
          found the coarse surface and voxel super-resolution refined it, each on a lattice of {lattice} cells along a \
          side. The true surface was used only to measure.</p>\n\
          <h2>How far from the truth</h2>\n{surfaces}\n\
@@ -26,13 +27,18 @@ pub fn page(results: &Results) -> String {
          was asked for. {sampling}.</p>\n\
          <h2>Pictures</h2>\n<img src=\"preview.png\" alt=\"Rows: input views; coarse surface; refined surface; true surface; \
          refined surface coloured by its distance from the truth\">\n\
+         <p>The fitted body over the photographs; red: keypoints, blue: where the body has them.</p>\n{overlays}\n\
          <h2>Time</h2>\n{times}\n\
          <h2>Files</h2>\n<p>{files}</p>\n</html>\n",
         seed = results.seed,
+        joints = results.fitted.joint_error_mm,
+        overlays = overlays(results),
         surfaces = html_table(&Results::surface_head(), &results.surface_rows()),
         times = html_table(&["stage", "seconds"], &results.time_rows()),
         sampling = Sampling::default().words(),
         files = [
+            "fit/body.ply",
+            "fit/params.npz",
             "coarse.ply",
             "refined.ply",
             "capture/mesh.obj",
@@ -43,6 +49,13 @@ pub fn page(results: &Results) -> String {
         .map(|file| format!("<a href=\"{file}\">{file}</a>"))
         .join(" · "),
     )
+}
+
+fn overlays(results: &Results) -> String {
+    let picture = |name: &str| {
+        format!("<img src=\"fit/overlay_{name}.png\" alt=\"camera {name}\" style=\"max-width:24%\">")
+    };
+    results.done.views.iter().map(|view| picture(&view.camera.name)).collect()
 }
 
 fn html_table(head: &[&str], rows: &[Vec<String>]) -> String {

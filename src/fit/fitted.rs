@@ -17,8 +17,8 @@ use super::refuse;
 use super::settings::{Method, Settings};
 use crate::failure::{Failure, Result};
 
-/// Keypoints are not trusted beyond this against the masks' outlines, pixels: no detector is better.
-const LEAST_NOISE_PX: f64 = 0.5;
+/// Keypoints are not trusted beyond this against the masks' outlines, pixels.
+const LEAST_NOISE_PX: f64 = 0.1;
 
 /// A mask that the fitted body overlaps less with shows something else. Fits to clean masks end above 0.9; the thesis' on real
 /// ones at 0.65 to 0.79 with the pose of the joints.

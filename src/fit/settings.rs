@@ -1,6 +1,6 @@
 //! What the arguments of `fit` ask for, checked before anything is fitted.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use vitruvian_reference::body::BodyModel;
@@ -10,7 +10,7 @@ use vitruvian_reference::fitting::silhouette::{Schedule, Unknowns};
 use vitruvian_reference::fitting::{Options, PosePrior, Preset, Start};
 use vitruvian_runtime::file::npz::Npz;
 
-use super::{Arguments, refuse};
+use super::refuse;
 use crate::failure::{Failure, Result};
 use crate::mesh_format::MeshFormat;
 
@@ -35,30 +35,69 @@ pub enum Cameras {
 }
 
 /// Where the fit to the joints begins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum StartMode {
     /// From the geometry of the views
+    #[default]
     Robust,
     /// As the thesis: rest pose, all cameras alike
     Identity,
 }
 
 /// What the silhouettes change of the shape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Shape {
     /// β and an offset of every vertex
+    #[default]
     Offsets,
     /// β alone
     Betas,
 }
 
 /// The σ of Table 3.1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Sigmas {
     /// 5, 3, 1 cm
+    #[default]
     Synthetic,
     /// 8, 4, 3 cm
     Real,
+}
+
+/// How captures are fitted.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Choices {
+    /// Body model (.npz in SMPL's arrays); the built-in mannequin without it
+    #[arg(long)]
+    pub body: Option<PathBuf>,
+    /// What is fitted [default: silhouette with --refine-pose, else multiview-smplify]
+    #[arg(long, value_enum)]
+    pub method: Option<Method>,
+    /// Whether the cameras' places are given [default: known where all cameras have R and t]
+    #[arg(long, value_enum)]
+    pub cameras: Option<Cameras>,
+    /// Weights and stages of the fit to the joints: smplify, ch2, ch3, empirical-bayes [default: empirical-bayes; smplify
+    /// for --method smplify]
+    #[arg(long)]
+    pub preset: Option<String>,
+    /// Where the fit to the joints begins
+    #[arg(long, value_enum, default_value_t)]
+    pub start: StartMode,
+    /// Gaussian mixture as prior on the pose (.npz with means, covariances, weights), for the thesis' presets
+    #[arg(long)]
+    pub prior: Option<PathBuf>,
+    /// What the silhouettes change of the shape
+    #[arg(long, value_enum, default_value_t)]
+    pub shape: Shape,
+    /// Table 3.1's σ for clean or for real masks
+    #[arg(long, value_enum, default_value_t)]
+    pub schedule: Sigmas,
+    /// Let the silhouettes move the pose as well (not in the thesis)
+    #[arg(long)]
+    pub refine_pose: bool,
+    /// Format of the mesh
+    #[arg(long, value_enum, default_value_t)]
+    pub format: MeshFormat,
 }
 
 /// What a run does to every capture.
@@ -80,26 +119,26 @@ pub struct Settings<'a> {
 }
 
 impl<'a> Settings<'a> {
-    /// Checks the arguments against each other and reads the prior.
-    pub fn new(arguments: &Arguments, body: &'a BodyModel) -> Result<Settings<'a>> {
-        let default = if arguments.refine_pose { Method::Silhouette } else { Method::MultiviewSmplify };
-        let method = arguments.method.unwrap_or(default);
-        if arguments.refine_pose && method != Method::Silhouette {
+    /// Checks the choices against each other and reads the prior.
+    pub fn new(choices: &Choices, body: &'a BodyModel) -> Result<Settings<'a>> {
+        let default = if choices.refine_pose { Method::Silhouette } else { Method::MultiviewSmplify };
+        let method = choices.method.unwrap_or(default);
+        if choices.refine_pose && method != Method::Silhouette {
             return Err(Failure::Usage(
                 "--refine-pose moves the pose by the masks: use it with --method silhouette".into(),
             ));
         }
-        let preset = match &arguments.preset {
+        let preset = match &choices.preset {
             Some(name) => preset(name)?,
             None if method == Method::Smplify => Preset::Smplify,
             None => Preset::default(),
         };
         let mut options = preset.options();
-        options.start = match arguments.start {
+        options.start = match choices.start {
             StartMode::Robust => Start::Robust,
             StartMode::Identity => Start::Identity,
         };
-        if let Some(path) = &arguments.prior {
+        if let Some(path) = &choices.prior {
             if preset == Preset::EmpiricalBayes {
                 return Err(Failure::Usage(
                     "--prior is for the thesis' presets: choose --preset smplify, ch2 or ch3".into(),
@@ -108,28 +147,28 @@ impl<'a> Settings<'a> {
             options.pose_prior = PosePrior::Mixture(read_mixture(path)?);
         }
         let name = |path: &Path| path.display().to_string();
-        let body_name = arguments.body.as_deref().map_or("mannequin".into(), name);
+        let body_name = choices.body.as_deref().map_or("mannequin".into(), name);
         let fitter = MultiviewSmplify::new(body)
             .map_err(|refusal| refuse(Path::new(&body_name), refusal.to_string()))?;
         Ok(Settings {
             body,
             fitter,
             method,
-            cameras: arguments.cameras,
+            cameras: choices.cameras,
             preset,
             options,
-            unknowns: match arguments.shape {
+            unknowns: match choices.shape {
                 Shape::Offsets => Unknowns::BetasAndOffsets,
                 Shape::Betas => Unknowns::Betas,
             },
-            schedule: match arguments.schedule {
+            schedule: match choices.schedule {
                 Sigmas::Synthetic => Schedule::Synthetic,
                 Sigmas::Real => Schedule::Real,
             },
-            refine_pose: arguments.refine_pose,
-            format: arguments.format,
+            refine_pose: choices.refine_pose,
+            format: choices.format,
             body_name,
-            prior_name: arguments.prior.as_deref().map(name),
+            prior_name: choices.prior.as_deref().map(name),
         })
     }
 
