@@ -81,6 +81,7 @@ fn silhouettes(fit: &SilhouetteFit, observed: &Observed) -> Value {
             "iou": by_view(&stage.iou),
             "offsets_smoothed": stage.damping.repair_rounds,
             "offsets_scaled": stage.damping.scale,
+            "undone": stage.reverted,
         })
     };
     let longest = fit.offsets.iter().map(|&d| norm(d)).fold(0.0, f64::max);
@@ -88,6 +89,7 @@ fn silhouettes(fit: &SilhouetteFit, observed: &Observed) -> Value {
         "iou_before": by_view(&fit.iou_before),
         "mean_iou_before": fit.mean_iou()[0],
         "stages": fit.stages.iter().map(stage).collect::<Vec<_>>(),
+        "mask_bias_px": fit.mask_bias_px,
         "largest_offset_m": longest,
     })
 }

@@ -114,6 +114,7 @@ pub fn fit_silhouettes(
             cameras: scene.cameras().to_vec(),
         },
         offsets: state.offsets,
+        mask_bias_px: scene.mask_bias_px,
         stages,
         warnings,
     })

@@ -114,6 +114,8 @@ pub struct PoseRefinement {
     pub reach_px: [f64; 2],
     /// Of a joint angle's change from the start, radians.
     pub pose_sigma_rad: f64,
+    /// Of how much too large the masks are all round, pixels; 0 takes them as they are.
+    pub mask_bias_sigma_px: f64,
 }
 
 impl Default for PoseRefinement {
@@ -126,6 +128,7 @@ impl Default for PoseRefinement {
             contour_sigma_px: 1.0,
             reach_px: [10.0, 2.0],
             pose_sigma_rad: 0.2,
+            mask_bias_sigma_px: 0.5,
         }
     }
 }

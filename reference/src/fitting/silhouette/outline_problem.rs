@@ -1,13 +1,16 @@
 //! Pose, shape and translation from outlines and keypoints: one round of our extension of chapter 3.
 //!
 //! ```text
-//! E(θ, β, t) = Σ ρ(n·(Π(s(θ, β, t)) − c))/σ_c² + Σ w² ρ(Π(J(θ, β, t)) − k)/σ_k² + ‖θ − θ₀‖²/σ_θ² + ‖β‖²
+//! E(θ, β, t, b) = Σ ρ(n·(Π(s(θ, β, t)) − c) + b)/σ_c² + Σ w² ρ(Π(J(θ, β, t)) − k)/σ_k² + ‖θ − θ₀‖²/σ_θ² + ‖β‖² + b²/σ_b²
 //! ```
 //!
 //! c is a point of a mask's outline with the normal n, s the point of the body's outline that belongs to it, k a keypoint.
 //! Every term is in standard deviations, so that E is twice the negative logarithm of a probability. Only the distance
 //! *along the normal* counts: where along the outline a vertex lies is not in the picture. Keypoints alone leave the turn of
 //! limbs about their axes and much of the shape open; seven hundred outline points a view, each good to half a pixel, do not.
+//!
+//! b is how many pixels the masks are too large all round: segmentations usually are too large or too small by a pixel, and a
+//! body cannot explain that but by growing fat. That heads, hands and limbs all grow alike is what tells b from β.
 //!
 //! If the cameras' extrinsics are not known, those of all views but the first are unknowns too: the joint fit that they come
 //! from knew two dozen points a view.
@@ -66,6 +69,8 @@ pub struct Sigmas {
     pub keypoint_px: f64,
     /// σ_θ, radians; the root is free.
     pub pose_rad: f64,
+    /// σ_b, pixels; 0: b is 0.
+    pub mask_bias_px: f64,
 }
 
 impl Sigmas {
@@ -75,8 +80,8 @@ impl Sigmas {
     }
 }
 
-/// One round's problem; x is θ (3J), β (B), t (3), and, if cameras are free, for each view but the first a turn δ (axis–angle,
-/// exp(δ)·R) and a shift τ (t + τ).
+/// One round's problem; x is θ (3J), β (B), t (3), b, and, if cameras are free, for each view but the first a turn δ
+/// (axis–angle, exp(δ)·R) and a shift τ (t + τ).
 pub struct OutlineProblem<'a> {
     /// The body.
     pub body: &'a BodyModel,
@@ -140,11 +145,11 @@ impl<'a> OutlineProblem<'a> {
         }
     }
 
-    /// θ, β, t and the cameras' changes, of an x.
-    fn split<'x>(&self, x: &'x [f64]) -> (&'x [f64], &'x [f64], Vector3, &'x [f64]) {
+    /// θ, β, t, b and the cameras' changes, of an x.
+    fn split<'x>(&self, x: &'x [f64]) -> (&'x [f64], &'x [f64], Vector3, f64, &'x [f64]) {
         let (pose, rest) = x.split_at(self.prior_pose.len());
-        let (betas, rest) = rest.split_at(rest.len() - 3 - self.camera_unknowns());
-        (pose, betas, [rest[0], rest[1], rest[2]], &rest[3..])
+        let (betas, rest) = rest.split_at(rest.len() - 4 - self.camera_unknowns());
+        (pose, betas, [rest[0], rest[1], rest[2]], rest[3], &rest[4..])
     }
 
     fn camera_unknowns(&self) -> usize {
@@ -152,15 +157,20 @@ impl<'a> OutlineProblem<'a> {
     }
 
     /// x at the start of a round.
-    pub fn start(&self, pose: &[f64], betas: &[f64], trans: Vector3) -> Vec<f64> {
+    pub fn start(&self, pose: &[f64], betas: &[f64], trans: Vector3, mask_bias_px: f64) -> Vec<f64> {
         let still = vec![0.0; self.camera_unknowns()];
-        [pose, betas, &trans, &still].concat()
+        [pose, betas, &trans, &[mask_bias_px], &still].concat()
     }
 
-    /// θ, β, t and the cameras of an x.
-    pub fn finish(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>, Vector3, Vec<Pinhole>) {
-        let (pose, betas, trans, changes) = self.split(x);
-        (pose.to_vec(), betas.to_vec(), trans, self.cameras_at(changes))
+    /// θ, β, t, b and the cameras of an x.
+    pub fn finish(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>, Vector3, f64, Vec<Pinhole>) {
+        let (pose, betas, trans, bias, changes) = self.split(x);
+        (pose.to_vec(), betas.to_vec(), trans, bias, self.cameras_at(changes))
+    }
+
+    /// 1/σ_b; where b is not sought its residual is b itself, and nothing else depends on it.
+    fn bias_slope(&self) -> f64 {
+        if self.sigmas.mask_bias_px > 0.0 { 1.0 / self.sigmas.mask_bias_px } else { 1.0 }
     }
 
     fn cameras_at(&self, changes: &[f64]) -> Vec<Pinhole> {
@@ -176,13 +186,13 @@ impl<'a> OutlineProblem<'a> {
         self.slots[vertex as usize] as usize
     }
 
-    /// The distance along the normal, pixels.
-    fn miss(&self, pair: &OutlinePair, camera: &Pinhole, places: &[Vector3]) -> Option<f64> {
+    /// n·(Π(s) − c) + b, pixels.
+    fn miss(&self, pair: &OutlinePair, camera: &Pinhole, places: &[Vector3], bias: f64) -> Option<f64> {
         let [a, b] = pair.vertices.map(|vertex| camera.project(places[self.slot(vertex)]));
         let (a, b) = (a?, b?);
         let along =
             |axis: usize| (1.0 - pair.fraction) * a[axis] + pair.fraction * b[axis] - pair.pixel_px[axis];
-        Some(pair.normal[0] * along(0) + pair.normal[1] * along(1))
+        Some(pair.normal[0] * along(0) + pair.normal[1] * along(1) + bias)
     }
 
     fn keypoint(&self, point: &BodyPoint, joints: &[Vector3], places: &[Vector3]) -> Vector3 {
@@ -196,7 +206,7 @@ impl<'a> OutlineProblem<'a> {
 
     /// Every chosen vertex: its place, and its derivative by x, 3×n.
     fn places_by_body(&self, x: &[f64]) -> (Vec<Vector3>, Vec<f64>) {
-        let (pose, betas, trans, _) = self.split(x);
+        let (pose, betas, trans, ..) = self.split(x);
         let posed = self.body.at_pose(self.skeleton, pose, betas, self.offsets, trans);
         let (p, b, n) = (pose.len(), betas.len(), x.len());
         let mut derivatives = vec![0.0; 3 * n * self.chosen.len()];
@@ -223,15 +233,17 @@ impl Problem for OutlineProblem<'_> {
     type Jacobian = Dense;
 
     fn residuals(&self, x: &[f64]) -> Option<Vec<f64>> {
-        let (pose, betas, trans, changes) = self.split(x);
+        let (pose, betas, trans, bias, changes) = self.split(x);
         let cameras = self.cameras_at(changes);
         let posed = self.body.at_pose(self.skeleton, pose, betas, self.offsets, trans);
         let places: Vec<Vector3> = self.chosen.iter().map(|&v| posed.position(v as usize)).collect();
         let joints = self.joints(pose, betas, trans);
         let mut r = Vec::with_capacity(self.outline.len() + 2 * self.keypoints.len() + x.len());
         for pair in self.outline {
-            let miss =
-                robust_loss::residual(self.miss(pair, &cameras[pair.view], &places)?, self.sigmas.robust_px);
+            let miss = robust_loss::residual(
+                self.miss(pair, &cameras[pair.view], &places, bias)?,
+                self.sigmas.robust_px,
+            );
             r.push(pair.count.sqrt() / self.sigmas.contour_px * miss);
         }
         for pair in self.keypoints {
@@ -242,11 +254,12 @@ impl Problem for OutlineProblem<'_> {
         }
         r.extend(pose.iter().zip(self.prior_pose).skip(3).map(|(t, t0)| (t - t0) / self.sigmas.pose_rad));
         r.extend(betas);
+        r.push(self.bias_slope() * bias);
         Some(r)
     }
 
     fn jacobian(&self, x: &[f64]) -> Dense {
-        let (pose, betas, trans, changes) = self.split(x);
+        let (pose, betas, trans, bias, changes) = self.split(x);
         let cameras = self.cameras_at(changes);
         let turns: Vec<Matrix3> =
             changes.chunks_exact(6).map(|d| left_jacobian([d[0], d[1], d[2]])).collect();
@@ -261,20 +274,23 @@ impl Problem for OutlineProblem<'_> {
             }
             let along = |m: &Matrix2x3| [0, 1, 2].map(|axis| g[0] * m[0][axis] + g[1] * m[1][axis]);
             let turned = apply_transposed(&turns[view - 1], along(&pixel.rotation));
-            let at = p + b + 3 + 6 * (view - 1);
+            let at = p + b + 4 + 6 * (view - 1);
             add_row(&mut row[at..at + 3], &turned, 1.0);
             add_row(&mut row[at + 3..at + 6], &along(&pixel.translation), 1.0);
         };
 
-        let rows = self.outline.len() + 2 * self.keypoints.len() + (p - 3) + b;
+        let rows = self.outline.len() + 2 * self.keypoints.len() + (p - 3) + b + 1;
         let mut jacobian = vec![0.0; rows * n];
         let mut next = jacobian.chunks_exact_mut(n);
         for pair in self.outline {
             let row = next.next().expect("a row for every pair");
             let camera = &cameras[pair.view];
-            let Some(miss) = self.miss(pair, camera, &places) else { continue };
+            let Some(miss) = self.miss(pair, camera, &places, bias) else { continue };
             let slope = pair.count.sqrt() / self.sigmas.contour_px
                 * robust_loss::residual_derivative(miss, self.sigmas.robust_px);
+            if self.sigmas.mask_bias_px > 0.0 {
+                row[p + b + 3] = slope;
+            }
             for (end, share) in [1.0 - pair.fraction, pair.fraction].into_iter().enumerate() {
                 let slot = self.slot(pair.vertices[end]);
                 let Some(pixel) = camera.project_derivative(places[slot]) else { continue };
@@ -322,6 +338,7 @@ impl Problem for OutlineProblem<'_> {
         for l in 0..b {
             next.next().expect("a row for every beta")[p + l] = 1.0;
         }
+        next.next().expect("a row for the bias")[p + b + 3] = self.bias_slope();
         Dense::new(rows, n, jacobian)
     }
 }

@@ -40,6 +40,7 @@ pub fn pose_stage(
     };
     let before = (state.pose.clone(), state.betas.clone(), state.trans, scene.cameras().to_vec());
     let mut overlap_before = None;
+    let mut mask_bias_px = 0.0;
     for round in 0..options.rounds {
         let last = round + 1 == options.rounds;
         let dogleg = Dogleg {
@@ -57,6 +58,7 @@ pub fn pose_stage(
             robust_px: 0.5 * reach_px,
             keypoint_px: options.keypoint_sigma_px,
             pose_rad: options.pose_sigma_rad,
+            mask_bias_px: options.mask_bias_sigma_px,
         };
         let problem = OutlineProblem::new(
             state.body,
@@ -69,7 +71,7 @@ pub fn pose_stage(
             &prior_pose,
             sigmas,
         );
-        let start = problem.start(&state.pose, &state.betas, state.trans);
+        let start = problem.start(&state.pose, &state.betas, state.trans, mask_bias_px);
         let solution = dogleg.minimize(&problem, &start);
         report.energy_before = energy(&problem, &start);
         report.energy = solution.energy;
@@ -77,7 +79,8 @@ pub fn pose_stage(
         report.evaluations += solution.evaluations;
         report.termination = solution.termination;
         report.correspondences = pairs.len();
-        let (pose, betas, trans, cameras) = problem.finish(&solution.x);
+        let (pose, betas, trans, bias, cameras) = problem.finish(&solution.x);
+        mask_bias_px = bias;
         (state.pose, state.betas, state.trans) = (pose, betas, trans);
         if cameras_free {
             scene.set_cameras(cameras);
@@ -88,8 +91,10 @@ pub fn pose_stage(
         let (pose, betas, trans, cameras) = before;
         (state.pose, state.betas, state.trans) = (pose, betas, trans);
         scene.set_cameras(cameras);
+        mask_bias_px = 0.0;
         report.reverted = true;
         report.iou = scene.iou(&state.vertices());
     }
+    scene.shrink_outlines(mask_bias_px);
     report
 }

@@ -15,6 +15,7 @@ use crate::least_squares::{Jacobian, Problem};
 use crate::linalg::matrix::mul;
 use crate::linalg::vector::{Vector3, cross, distance, dot, norm, sub};
 use crate::rotation::{angle_between, rodrigues};
+use crate::silhouette::dilation::{StructuringElement, dilate, erode};
 use crate::silhouette::raster::Raster;
 use crate::surface::mesh::Mesh;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -157,6 +158,21 @@ fn the_truth_is_nearly_a_fixed_point() {
     assert_eq!(fit.iou_before, [1.0; 4]);
     assert!(fit.mean_iou()[1] > 0.985, "{:?}", fit.iou);
     assert!(mean_distance(&fit.vertices, &vertices(&truth)) < 0.002);
+}
+
+#[test]
+fn masks_that_are_too_large_or_too_small_all_round_are_seen_through() {
+    let (truth, start) = (truth(), start());
+    let (element, marks) = (StructuringElement::Square { size: 3 }, keypoints(&truth, 2.0));
+    for (change, bias) in [(dilate as fn(&Mask, StructuringElement) -> Mask, 1.0), (erode, -1.0)] {
+        let masks: Vec<Mask> = masks(&truth).iter().map(|mask| change(mask, element)).collect();
+        let fit =
+            fit_silhouettes(body(), &start, &masks, Some(&marks), &refining()).expect("masks of this body");
+        // A square of three pixels grows slanted outlines by up to √2.
+        assert!((fit.mask_bias_px / bias - 1.2).abs() < 0.35, "{} of {bias}", fit.mask_bias_px);
+        let errors = [&vertices(&start), &fit.vertices].map(|v| mean_distance(v, &vertices(&truth)));
+        assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
+    }
 }
 
 #[test]
@@ -325,12 +341,13 @@ fn outline_round_has_the_derivatives_of_its_residuals() {
         (0..body().vertex_count()).map(|i| [0.003 * noise(i, 0.4), 0.0, 0.001]).collect();
     let few: Vec<_> = pairs.iter().step_by(20).copied().collect();
     let (skeleton, prior) = (body().skeleton(), vec![0.0; 72]);
-    let sigmas = Sigmas { contour_px: 0.7, robust_px: 3.0, keypoint_px: 2.0, pose_rad: 0.3 };
+    let sigmas =
+        Sigmas { contour_px: 0.7, robust_px: 3.0, keypoint_px: 2.0, pose_rad: 0.3, mask_bias_px: 0.5 };
     let problem =
         OutlineProblem::new(body(), &skeleton, &start.cameras, true, &offsets, &few, &marks, &prior, sigmas);
-    let mut x = problem.start(&start.pose, &start.betas, start.trans);
-    assert_eq!(x.len(), 85 + 18);
-    x[85..].iter_mut().enumerate().for_each(|(n, change)| *change = 0.02 * noise(n, 0.6));
+    let mut x = problem.start(&start.pose, &start.betas, start.trans, 0.3);
+    assert_eq!(x.len(), 86 + 18);
+    x[86..].iter_mut().enumerate().for_each(|(n, change)| *change = 0.02 * noise(n, 0.6));
     let worst = worst_column(&problem, &x, 0..x.len());
     // Pixels per radian are hundreds, divided by σ: relative 10⁻⁷.
     assert!(worst < 1e-4, "{worst:e}");
