@@ -1,6 +1,7 @@
 //! `vitruvian fit`: pose, shape and cameras of the person that a capture shows.
 
 pub mod fitted;
+mod marks;
 mod observed;
 mod overlay;
 mod report;
@@ -116,7 +117,7 @@ fn one(
     let observed = Observed::read(capture, settings)?;
     observed.warnings.iter().for_each(|words| warn(words));
     let fitted = Fitted::of(&observed, settings, before)?;
-    fitted.warnings(&observed).iter().for_each(|words| warn(words));
+    fitted.warnings(&observed, settings).iter().for_each(|words| warn(words));
     let folder = OutputFolder::begin(out)?;
     write::write(&folder, &observed, &fitted, settings)?;
     folder.place(&write::stale(settings))?;

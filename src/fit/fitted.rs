@@ -13,8 +13,8 @@ use vitruvian_reference::silhouette::raster::Raster;
 use vitruvian_runtime::error::Error;
 
 use super::observed::Observed;
-use super::refuse;
 use super::settings::{Method, Settings};
+use super::{marks, refuse};
 use crate::failure::{Failure, Result};
 
 /// Keypoints are not trusted beyond this against the masks' outlines, pixels.
@@ -23,6 +23,10 @@ const LEAST_NOISE_PX: f64 = 0.1;
 /// A mask that the fitted body overlaps less with shows something else. Fits to clean masks end above 0.9; the thesis' on real
 /// ones at 0.65 to 0.79 with the pose of the joints.
 const LEAST_IOU: f64 = 0.6;
+
+/// Keypoints this many times the noise away from the body are named, and not below the other bound, pixels.
+const FAR_IN_NOISE: f64 = 6.0;
+const LEAST_FAR_PX: f64 = 3.0;
 
 /// What was found of one capture.
 pub struct Fitted {
@@ -125,18 +129,34 @@ impl Fitted {
         })
     }
 
-    /// What the user should know of the masks.
-    pub fn warnings(&self, observed: &Observed) -> Vec<String> {
-        let warnings = self.silhouettes.iter().flat_map(|fit| &fit.warnings);
-        warnings
-            .map(|warning| match warning {
-                Warning::MaskTouchesBorder { view } => format!(
-                    "{}: camera \"{}\": its mask reaches the image's border, which is not taken for the body's outline",
-                    observed.path.display(),
-                    observed.name(*view)
-                ),
+    /// What the user should know beside the verdict: keypoints that were hardly believed, masks at the border.
+    pub fn warnings(&self, observed: &Observed, settings: &Settings) -> Vec<String> {
+        let about = |view: usize| format!("{}: camera \"{}\"", observed.path.display(), observed.name(view));
+        let far_px = FAR_IN_NOISE * self.joints.noise_px.unwrap_or(0.0).max(LEAST_FAR_PX / FAR_IN_NOISE);
+        let far = (0..observed.observation.views.len()).filter_map(|view| {
+            let far: Vec<String> = marks::of_view(observed, self, settings.body, view)
+                .iter()
+                .filter_map(|mark| Some((mark.name, mark.distance_px().filter(|px| *px > far_px)?)))
+                .map(|(name, px)| format!("{name} ({px:.0} px)"))
+                .collect();
+            (!far.is_empty()).then(|| {
+                format!(
+                    "{}: keypoints far from the fitted body, which hardly counted: {}",
+                    about(view),
+                    far.join(", ")
+                )
             })
-            .collect()
+        });
+        // Without the polishing stage no noise is known that would tell an outlier.
+        let far = far.filter(|_| self.joints.noise_px.is_some());
+        let masks = self.silhouettes.iter().flat_map(|fit| &fit.warnings);
+        let masks = masks.map(|Warning::MaskTouchesBorder { view }| {
+            format!(
+                "{}: its mask reaches the image's border, which is not taken for the body's outline",
+                about(*view)
+            )
+        });
+        far.chain(masks).collect()
     }
 
     /// One line for the terminal.

@@ -6,6 +6,8 @@ use vitruvian_runtime::capture::Camera;
 use vitruvian_runtime::mesh::Mesh;
 use vitruvian_runtime::render::{CLAY, Light, overlay, render};
 
+use super::marks::Mark;
+
 /// Pictures narrower than this are enlarged by a whole factor, so that the marks can be told apart.
 const LEAST_WIDTH: u32 = 640;
 
@@ -24,8 +26,7 @@ pub struct Shown<'a> {
     pub camera: &'a Camera,
     pub photograph: Option<&'a RgbImage>,
     pub mask: Option<&'a GrayImage>,
-    /// Pairs of pixels: where a keypoint was detected, and where the fitted body has it.
-    pub keypoints: &'a [([f64; 2], Option<[f64; 2]>)],
+    pub marks: &'a [Mark],
 }
 
 /// Draws `body` (metres, world frame) into one view: red discs are detections, blue crosses the fitted joints, a line joins
@@ -45,9 +46,9 @@ pub fn draw(body: &Mesh, shown: &Shown) -> RgbImage {
     let light = Light { towards_lamp: above(&camera), ..Light::default() };
     let picture = render(body, &body.vertex_normals(), &colours, &camera, &light);
     let mut image = overlay(&below, &picture, OPACITY);
-    for (detected, found) in shown.keypoints {
-        let detected = detected.map(|x| x * f64::from(factor));
-        if let Some(found) = found.map(|p| p.map(|x| x * f64::from(factor))) {
+    for mark in shown.marks {
+        let detected = mark.detected_px.map(|x| x * f64::from(factor));
+        if let Some(found) = mark.found_px.map(|p| p.map(|x| x * f64::from(factor))) {
             line(&mut image, detected, found, FOUND);
             for (dx, dy) in [(3.0, 3.0), (3.0, -3.0)] {
                 line(&mut image, [found[0] - dx, found[1] - dy], [found[0] + dx, found[1] + dy], FOUND);
@@ -125,8 +126,9 @@ mod tests {
     #[test]
     fn marks_stand_where_the_enlarged_picture_has_them() {
         let body = Mesh { vertices: Vec::new(), faces: Vec::new() };
-        let keypoints = [([100.0, 50.0], Some([100.0, 80.0])), ([1e9, f64::NAN], None)];
-        let shown = Shown { camera: &camera(), photograph: None, mask: None, keypoints: &keypoints };
+        let mark = |detected_px, found_px| Mark { name: "", detected_px, found_px };
+        let marks = [mark([100.0, 50.0], Some([100.0, 80.0])), mark([1e9, f64::NAN], None)];
+        let shown = Shown { camera: &camera(), photograph: None, mask: None, marks: &marks };
         let image = draw(&body, &shown);
         assert_eq!(image.dimensions(), (640, 480));
         assert_eq!(*image.get_pixel(200, 100), DETECTED, "the detection");
@@ -139,7 +141,7 @@ mod tests {
     fn a_mask_stands_in_for_a_missing_photograph() {
         let mask = GrayImage::from_fn(320, 240, |x, _| image::Luma([if x < 160 { 255 } else { 0 }]));
         let body = Mesh { vertices: Vec::new(), faces: Vec::new() };
-        let shown = Shown { camera: &camera(), photograph: None, mask: Some(&mask), keypoints: &[] };
+        let shown = Shown { camera: &camera(), photograph: None, mask: Some(&mask), marks: &[] };
         let image = draw(&body, &shown);
         assert_eq!((*image.get_pixel(319, 5), *image.get_pixel(320, 5)), (MASK, GROUND));
     }

@@ -2,18 +2,17 @@
 
 use vitruvian_conformance::convert;
 use vitruvian_reference::camera::Pinhole;
-use vitruvian_reference::fitting::keypoint_set::{BodyKeypoint, BodyPoint};
-use vitruvian_reference::linalg::vector::{Vector3, ZERO, add_scaled};
+use vitruvian_reference::linalg::vector::Vector3;
 use vitruvian_reference::surface::mesh::Mesh;
-use vitruvian_runtime::capture::{Camera, Extrinsics, View, picture};
+use vitruvian_runtime::capture::{Camera, Extrinsics, picture};
 use vitruvian_runtime::file::npy::Values;
 use vitruvian_runtime::file::{self, atomic, npz, params};
 
 use super::fitted::Fitted;
 use super::observed::Observed;
 use super::overlay::{self, Shown};
-use super::report;
 use super::settings::Settings;
+use super::{marks, report};
 use crate::failure::Result;
 use crate::output_folder::OutputFolder;
 
@@ -34,13 +33,10 @@ pub fn write(folder: &OutputFolder, observed: &Observed, fitted: &Fitted, settin
     let format = settings.format.format();
     file::mesh::write(&folder.file(&format!("body.{}", format.extension())), format, &body, None)?;
 
-    let on_body = observed.observation.keypoint_set.on_body(settings.body);
-    for ((view, camera), pinhole) in
-        observed.capture.views.iter().zip(&cameras).zip(&fitted.parameters.cameras)
-    {
-        let pairs = keypoint_pairs(view, pinhole, fitted, &on_body);
+    for (index, (view, camera)) in observed.capture.views.iter().zip(&cameras).enumerate() {
+        let marks = marks::of_view(observed, fitted, settings.body, index);
         let shown =
-            Shown { camera, photograph: view.image.as_ref(), mask: view.mask.as_ref(), keypoints: &pairs };
+            Shown { camera, photograph: view.image.as_ref(), mask: view.mask.as_ref(), marks: &marks };
         let name = format!("overlay_{}.png", camera.name);
         picture::write_rgb(&folder.file(&name), &overlay::draw(&body, &shown))?;
     }
@@ -82,24 +78,4 @@ fn parameters(fitted: &Fitted, cameras: &[Camera]) -> params::Parameters {
 fn placed(camera: &Camera, found: &Pinhole) -> Camera {
     let extrinsics = Extrinsics { r: found.rotation, t: found.translation };
     Camera { extrinsics: Some(extrinsics), ..camera.clone() }
-}
-
-/// Where every keypoint of a view was detected, and where the body has it.
-fn keypoint_pairs(
-    view: &View,
-    camera: &Pinhole,
-    fitted: &Fitted,
-    on_body: &[Option<BodyKeypoint>],
-) -> Vec<([f64; 2], Option<[f64; 2]>)> {
-    let Some(keypoints) = &view.keypoints else { return Vec::new() };
-    let place = |keypoint: &BodyKeypoint| match &keypoint.point {
-        BodyPoint::Joints(joints) => {
-            joints.iter().fold(ZERO, |sum, &(j, weight)| add_scaled(sum, fitted.posed.joints[j], weight))
-        }
-        BodyPoint::Vertex(v) => fitted.posed.vertices[*v],
-    };
-    let detected = keypoints.points.iter().zip(on_body).filter(|(point, _)| point[2] > 0.0);
-    detected
-        .map(|(&[u, v, _], keypoint)| ([u, v], keypoint.as_ref().and_then(|k| camera.project(place(k)))))
-        .collect()
 }
