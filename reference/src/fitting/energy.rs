@@ -115,3 +115,72 @@ impl Problem for Energy<'_> {
         jacobian
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::figure::Figure;
+    use super::super::keypoint_residuals::Detection;
+    use super::super::test_scene::{body, person, ring};
+    use super::super::{Extrinsics, KeypointSet, LossForm, Translations};
+    use super::*;
+
+    #[test]
+    fn jacobian_of_all_terms_is_its_central_difference() {
+        const STEP: f64 = 1e-5;
+        let skeleton = body().skeleton();
+        let figure = Figure::new(body(), &skeleton, KeypointSet::Smpl24);
+        let hinges: Vec<Hinge> = skeleton.hinges().into_iter().flatten().collect();
+        let mut person = person(2);
+        // One knee is bent backwards.
+        person.pose[12] = -0.4;
+        let at = Parameters { pose: person.pose, betas: person.betas, trans: person.trans, cameras: ring(2) };
+        let detections = [7, 20].map(|keypoint| Detection {
+            view: keypoint % 2,
+            keypoint,
+            pixel_px: [150.0, 100.0],
+            weight: 0.7,
+        });
+        let n = 69;
+        let mut covariance = vec![0.0; n * n];
+        for i in 0..n {
+            covariance[i * n + i] = 0.2 + 0.01 * i as f64;
+            if i > 0 {
+                covariance[i * n + i - 1] = 0.05;
+                covariance[(i - 1) * n + i] = 0.05;
+            }
+        }
+        let mixture = GaussianMixture::new(vec![vec![0.1; n]], &[covariance], &[1.0]).expect("a mixture");
+        let layout = Layout::new(24, 10, 2, Extrinsics::Unknown, Translations::Fixed);
+        let damping: Vec<(usize, f64)> = layout.betas.clone().map(|c| (c, 2.5)).chain([(5, 0.3)]).collect();
+        for bend in [BendTerm::Exponential { factor: 3.0 }, BendTerm::OneSided { weight: 4.0 }] {
+            let energy = Energy {
+                keypoints: KeypointResiduals {
+                    figure: &figure,
+                    detections: &detections,
+                    sigma_px: 80.0,
+                    loss: LossForm::PerCoordinate,
+                },
+                layout: &layout,
+                fixed: &at,
+                damping: &damping,
+                hinges: &hinges,
+                bend,
+                mixture: Some((1.5, &mixture)),
+            };
+            let x = layout.pack(&at);
+            let jacobian = energy.jacobian(&x);
+            assert_eq!((jacobian.rows(), energy.count()), (4 + 11 + 4 + 70, 4 + 11 + 4 + 70));
+            for c in 0..layout.len {
+                let moved = |step: f64| {
+                    let mut x = x.clone();
+                    x[c] += step;
+                    energy.residuals(&x).expect("in front")
+                };
+                for (row, (above, below)) in moved(STEP).iter().zip(moved(-STEP)).enumerate() {
+                    let error = (jacobian[(row, c)] - (above - below) / (2.0 * STEP)).abs();
+                    assert!(error < 1e-5, "{bend:?}: row {row}, column {c}: {error}");
+                }
+            }
+        }
+    }
+}

@@ -233,3 +233,96 @@ pub fn bone_lengths(
     };
     (betas, scale_factor)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scene::{fitter, joints, person};
+    use super::*;
+
+    fn hinges() -> Vec<Hinge> {
+        fitter().skeleton().hinges().into_iter().flatten().collect()
+    }
+
+    #[test]
+    fn a_planted_pose_is_reached_joint_by_joint() {
+        for seed in 0..5 {
+            let person = person(seed);
+            let targets: Vec<Option<Vector3>> = joints(&person).into_iter().map(Some).collect();
+            let skeleton = fitter().skeleton();
+            let placed = inverse_kinematics(skeleton, &person.betas, &targets, &hinges()).expect("a torso");
+            let reached = skeleton.posed_joints(&placed.pose, &person.betas);
+            for (joint, (reached, target)) in reached.iter().zip(&targets).enumerate() {
+                let error = distance(add(*reached, placed.trans), target.expect("all are known"));
+                assert!(error < 1e-9, "person {seed}, joint {joint}: {error} m");
+            }
+        }
+    }
+
+    #[test]
+    fn elbows_and_knees_bend_about_their_axes() {
+        let mut planted = person(0);
+        planted.pose[3..].fill(0.0);
+        // Left elbow and right knee, with their upper limbs twisted.
+        for (n, angle) in [(48, 0.7), (50, -0.5), (55, -1.2), (7, 0.6), (15, 1.0)] {
+            planted.pose[n] = angle;
+        }
+        let targets: Vec<Option<Vector3>> = joints(&planted).into_iter().map(Some).collect();
+        let placed =
+            inverse_kinematics(fitter().skeleton(), &planted.betas, &targets, &hinges()).expect("a torso");
+        for hinge in hinges() {
+            let theta = &placed.pose[3 * hinge.joint..3 * hinge.joint + 3];
+            let flexion = dot(hinge.axis, [theta[0], theta[1], theta[2]]);
+            let length = norm([theta[0], theta[1], theta[2]]);
+            // The mannequin's limbs rest bent by a few degrees.
+            assert!(length < 0.2 || flexion > 0.95 * length, "joint {}: {theta:?}", hinge.joint);
+        }
+    }
+
+    #[test]
+    fn unknown_joints_stay_at_rest_and_an_unknown_torso_has_no_pose() {
+        let person = person(1);
+        let mut targets: Vec<Option<Vector3>> = joints(&person).into_iter().map(Some).collect();
+        for joint in [18, 20, 22] {
+            targets[joint] = None;
+        }
+        let skeleton = fitter().skeleton();
+        let placed = inverse_kinematics(skeleton, &person.betas, &targets, &hinges()).expect("a torso");
+        assert!(placed.pose[3 * 18..3 * 19].iter().all(|x| *x == 0.0));
+        for joint in TORSO {
+            targets[joint] = None;
+        }
+        assert_eq!(inverse_kinematics(skeleton, &person.betas, &targets, &hinges()), None);
+        let line: Vec<Option<Vector3>> = (0..24).map(|j| Some([0.0, f64::from(j), 0.0])).collect();
+        assert_eq!(inverse_kinematics(skeleton, &person.betas, &line, &hinges()), None);
+    }
+
+    #[test]
+    fn bone_lengths_give_back_the_shape_and_the_unit() {
+        let person = person(2);
+        let truth = joints(&person);
+        let of_unit = |unit: f64| -> Vec<Option<Vector3>> {
+            truth.iter().map(|p| Some(scale(*p, 1.0 / unit))).collect()
+        };
+        let skeleton = fitter().skeleton();
+        let lengths = |betas: &[f64]| -> Vec<f64> {
+            let rest = skeleton.rest_joints(betas);
+            (1..24).map(|c| distance(rest[c], rest[skeleton.parents[c].expect("a bone")])).collect()
+        };
+        let (betas, unit) = bone_lengths(skeleton, &of_unit(1.0), 1e-4, false);
+        assert_eq!(unit, 1.0);
+        for (a, b) in lengths(&betas).iter().zip(lengths(&person.betas)) {
+            assert!((a - b).abs() < 5e-3, "{a} m for {b} m");
+        }
+        let (_, unit) = bone_lengths(skeleton, &of_unit(3.0), 0.02, true);
+        assert!((unit / 3.0 - 1.0).abs() < 0.15, "{unit}");
+    }
+
+    #[test]
+    fn half_turns_have_a_smallest_rotation() {
+        for v in [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.3, -0.2, 0.9]] {
+            let turned = apply(&smallest_rotation(v, scale(v, -3.0)), v);
+            assert!(distance(turned, scale(v, -1.0)) < 1e-12, "{turned:?}");
+            assert_eq!(smallest_rotation(v, v), IDENTITY);
+        }
+    }
+}

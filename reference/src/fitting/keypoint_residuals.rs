@@ -158,3 +158,92 @@ fn add_scaled_row(row: &mut [f64], terms: &[f64], s: f64) {
         *sum += s * term;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::keypoint_set::KeypointSet;
+    use super::super::test_scene::{body, body_of_smpl_size, person, ring};
+    use super::super::{Extrinsics, Translations};
+    use super::*;
+
+    /// Every keypoint of the set marked 10 to 60 px off in two views.
+    fn detections(set: KeypointSet, figure: &Figure, at: &Parameters) -> Vec<Detection> {
+        let points = figure.points(&at.pose, &at.betas);
+        (0..set.count())
+            .filter(|&k| figure.keypoints()[k].is_some())
+            .flat_map(|k| {
+                let pixel = |view: usize| {
+                    let [u, v] = at.cameras[view].project(add(points[k], at.trans)).expect("in front");
+                    let (a, b) = ((3 * k + view) as f64, (5 * k + 2 * view) as f64);
+                    [u + 60.0 * a.sin(), v + 60.0 * b.cos()]
+                };
+                (0..at.cameras.len())
+                    .map(|view| Detection {
+                        view,
+                        keypoint: k,
+                        pixel_px: pixel(view),
+                        weight: 0.3 + 0.02 * k as f64,
+                    })
+                    .collect::<Vec<_>>()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn jacobian_is_its_central_difference() {
+        const STEP: f64 = 1e-5;
+        let small = body_of_smpl_size();
+        let mut cameras = ring(3);
+        cameras[1].distortion = [-0.1, 0.02, 0.002, -0.001, 0.01];
+        let person = person(3);
+        let at = Parameters { pose: person.pose, betas: person.betas, trans: person.trans, cameras };
+        for (body, set) in
+            [(body(), KeypointSet::Smpl24), (&small, KeypointSet::Body25), (&small, KeypointSet::Coco18)]
+        {
+            let skeleton = body.skeleton();
+            let figure = Figure::new(body, &skeleton, set);
+            let detections = detections(set, &figure, &at);
+            for (extrinsics, loss) in
+                [(Extrinsics::Known, LossForm::Radial), (Extrinsics::Unknown, LossForm::PerCoordinate)]
+            {
+                let layout = Layout::new(24, 10, 3, extrinsics, Translations::Free);
+                let block =
+                    KeypointResiduals { figure: &figure, detections: &detections, sigma_px: 50.0, loss };
+                let x = layout.pack(&at);
+                let mut jacobian = Dense::zeros(block.count() + 1, layout.len);
+                block.write_jacobian(&x, &at, &layout, &mut jacobian, 1);
+                for c in 0..layout.len {
+                    let moved = |step: f64| {
+                        let mut x = x.clone();
+                        x[c] += step;
+                        let mut r = Vec::new();
+                        block.residuals(&layout.unpack(&x, &at), &mut r).expect("in front");
+                        r
+                    };
+                    for (row, (above, below)) in moved(STEP).iter().zip(moved(-STEP)).enumerate() {
+                        let numeric = (above - below) / (2.0 * STEP);
+                        let error = (jacobian[(row + 1, c)] - numeric).abs();
+                        assert!(error < 1e-5, "{set:?} {extrinsics:?}: row {row}, column {c}: {error}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_behind_its_camera_has_no_residual() {
+        let skeleton = body().skeleton();
+        let figure = Figure::new(body(), &skeleton, KeypointSet::Smpl24);
+        let detections = [Detection { view: 0, keypoint: 3, pixel_px: [0.0; 2], weight: 1.0 }];
+        let block = KeypointResiduals {
+            figure: &figure,
+            detections: &detections,
+            sigma_px: 50.0,
+            loss: LossForm::Radial,
+        };
+        let mut cameras = ring(1);
+        cameras[0].translation = [0.0, 0.0, -4.0];
+        let at = Parameters { pose: vec![0.0; 72], betas: vec![0.0; 10], trans: [0.0; 3], cameras };
+        assert_eq!(block.residuals(&at, &mut Vec::new()), None);
+    }
+}

@@ -42,6 +42,11 @@ pub mod start;
 pub mod triangulation;
 pub mod verdict;
 
+#[cfg(test)]
+mod test_scene;
+#[cfg(test)]
+mod tests;
+
 pub use keypoint_set::KeypointSet;
 pub use multiview_smplify::MultiviewSmplify;
 pub use observation::{Extrinsics, Keypoint, Observation, Refusal, View};

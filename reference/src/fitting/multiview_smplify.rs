@@ -15,7 +15,8 @@ use super::verdict::{verdict, view_residuals};
 use crate::body::{BodyModel, Hinge, Skeleton};
 use crate::least_squares::{Dogleg, Problem, Solution, Termination};
 use crate::linalg::matrix::IDENTITY;
-use crate::linalg::vector::{ZERO, add};
+use crate::linalg::vector::{ZERO, add, norm};
+use crate::rotation::{logarithm, rodrigues};
 
 /// Accepted steps after which starts are compared.
 const TRIAL_ITERATIONS: usize = 16;
@@ -107,23 +108,41 @@ impl<'a> MultiviewSmplify<'a> {
         initial: Option<&Parameters>,
     ) -> Result<Fit, Refusal> {
         let mut fit = self.fit_as_marked(observation, options, initial)?;
-        if unlikeliness(&fit.parameters) > SUSPICIOUS {
-            let mut exchanged = observation.clone();
-            for (view, marked) in exchanged.views.iter_mut().zip(&observation.views) {
-                for (k, keypoint) in view.keypoints.iter_mut().enumerate() {
-                    *keypoint = marked.keypoints[observation.keypoint_set.mirrored(k)];
-                }
-            }
-            // An exchanged person is no refusal of this one.
-            if let Ok(other) = self.fit_as_marked(&exchanged, options, None)
-                && other.verdict.is_success()
-                && unlikeliness(&other.parameters) < HARDLY * unlikeliness(&fit.parameters)
-                && total_px(&other) <= 1.2 * total_px(&fit) + 1.0
-            {
+        if fit.verdict.is_success() && unlikeliness(&fit.parameters) > SUSPICIOUS {
+            let polished = if options.polish.is_some() { Some(&fit) } else { None };
+            if self.sides_are_exchanged(observation, polished) {
                 fit.verdict = Verdict::SidesExchanged;
             }
         }
         Ok(fit)
+    }
+
+    /// Whether the marks with left and right exchanged show a far likelier body that lies on them as well.
+    ///
+    /// Both are fitted with the default options; `fit` is that of the marks as they are, if it is at hand. The thesis' bend
+    /// prior may prefer unlikely turns by itself.
+    fn sides_are_exchanged(&self, observation: &Observation, fit: Option<&Fit>) -> bool {
+        let mut exchanged = observation.clone();
+        for (view, marked) in exchanged.views.iter_mut().zip(&observation.views) {
+            for (k, keypoint) in view.keypoints.iter_mut().enumerate() {
+                *keypoint = marked.keypoints[observation.keypoint_set.mirrored(k)];
+            }
+        }
+        let default = |observation| self.fit_as_marked(observation, &Options::default(), None).ok();
+        let own;
+        let fit = match fit {
+            Some(fit) => fit,
+            None => {
+                own = default(observation);
+                let Some(own) = &own else { return false };
+                own
+            }
+        };
+        default(&exchanged).is_some_and(|other| {
+            other.verdict.is_success()
+                && unlikeliness(&other.parameters) < HARDLY * unlikeliness(&fit.parameters)
+                && total_px(&other) <= 1.2 * total_px(fit) + 1.0
+        })
     }
 
     /// The fit, with the labels taken at their word.
@@ -406,10 +425,17 @@ impl Run<'_> {
 
     fn conclude(
         &self,
-        parameters: Parameters,
+        mut parameters: Parameters,
         stages: Vec<StageReport>,
         noise_px: Option<f64>,
     ) -> Result<Fit, Refusal> {
+        // The bend prior has no bottom: it may have wound a knee up by a full turn, which is no turn.
+        for theta in parameters.pose.chunks_exact_mut(3) {
+            let turn = [theta[0], theta[1], theta[2]];
+            if norm(turn) > std::f64::consts::PI {
+                theta.copy_from_slice(&logarithm(&rodrigues(turn)));
+            }
+        }
         let errors = self.keypoints(self.options.sigma_px).errors(&parameters).ok_or(Refusal::NoStart)?;
         let views = view_residuals(self.detections, &errors, self.observation.views.len());
         let last = stages.last().copied();

@@ -259,3 +259,77 @@ pub fn polish(case: &Case, start: Model, x: &[f64], max_iterations: usize) -> Po
         model,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scene::{add_noise, body, observe, person, ring};
+    use super::super::{Extrinsics, KeypointSet, Observation, Translations};
+    use super::*;
+
+    #[test]
+    fn inverse_diagonal_by_hand() {
+        // [4, 2; 2, 3]⁻¹ = [3, −2; −2, 4]/8.
+        let cholesky =
+            Cholesky::factor(&Dense::new(2, 2, vec![4.0, 2.0, 2.0, 3.0])).expect("positive definite");
+        let diagonal = inverse_diagonal(&cholesky);
+        assert!((diagonal[0] - 0.375).abs() < 1e-15 && (diagonal[1] - 0.5).abs() < 1e-15, "{diagonal:?}");
+    }
+
+    /// The model found from the truth as the start.
+    fn model_of(noise_px: f64, outliers: usize) -> Model {
+        let person = person(4);
+        let mut observation: Observation = observe(&person, &ring(4), Extrinsics::Known);
+        add_noise(&mut observation, noise_px, 11);
+        for k in 0..outliers {
+            observation.views[k % 4].keypoints[5 * k % 24].pixel_px[0] += 80.0;
+        }
+        let skeleton = body().skeleton();
+        let figure = Figure::new(body(), &skeleton, KeypointSet::Smpl24);
+        let hinges: Vec<Hinge> = skeleton.hinges().into_iter().flatten().collect();
+        let layout = Layout::new(24, 10, 4, Extrinsics::Known, Translations::Free);
+        let fixed = Parameters {
+            pose: person.pose,
+            betas: person.betas,
+            trans: person.trans,
+            cameras: observation.views.iter().map(|v| v.camera).collect(),
+        };
+        let mut detections = Vec::new();
+        for (view, v) in observation.views.iter().enumerate() {
+            for (keypoint, k) in v.keypoints.iter().enumerate() {
+                detections.push(Detection { view, keypoint, pixel_px: k.pixel_px, weight: 1.0 });
+            }
+        }
+        let case = Case {
+            figure: &figure,
+            detections: &detections,
+            layout: &layout,
+            hinges: &hinges,
+            fixed: &fixed,
+            loss: LossForm::PerCoordinate,
+        };
+        polish(&case, Model::initial(3.0), &layout.pack(&fixed), 100).model
+    }
+
+    #[test]
+    fn noise_is_found_whatever_it_is() {
+        assert_eq!(model_of(0.0, 0).noise_px, LEAST_NOISE_PX);
+        for noise_px in [0.1, 1.0, 5.0] {
+            let found = model_of(noise_px, 0).noise_px;
+            // 192 residuals, some 60 of them spent: one part in sixteen.
+            assert!((found / noise_px - 1.0).abs() < 0.2, "{found} px for {noise_px}");
+        }
+    }
+
+    #[test]
+    fn outliers_do_not_pass_for_noise() {
+        let found = model_of(1.0, 4).noise_px;
+        assert!((found - 1.0).abs() < 0.35, "{found} px");
+    }
+
+    #[test]
+    fn deviations_stay_between_belief_and_data() {
+        let model = model_of(0.5, 0);
+        assert!(model.trunk_rad < TRUNK_DEVIATION_RAD && model.trunk_rad > 0.05, "{model:?}");
+        assert!(model.limbs_rad > 0.15 && model.limbs_rad < 0.6, "{model:?}");
+    }
+}

@@ -47,6 +47,8 @@ const SIGMA: f64 = 0.02;
 /// Starts of the search over yaw.
 const YAWS: usize = 12;
 const MAX_ITERATIONS: usize = 12;
+/// Points that spread less than this, in units of the focal length, are one.
+const LEAST_SIZE: f64 = 1e-4;
 /// Two answers closer than this are one.
 const SAME_RAD: f64 = 0.1;
 
@@ -102,7 +104,7 @@ fn looking_at_the_same(matches: &[Match], yaw: f64) -> Option<RelativePose> {
         (matches.iter().map(|m| m.weight * (of(m)[1] - mean[1]).powi(2)).sum::<f64>() / total).sqrt()
     };
     let (size_a, size_b) = (spread(|m| m.a, a), spread(|m| m.b, b));
-    if size_a.is_nan() || size_b.is_nan() || size_a <= 0.0 || size_b <= 0.0 {
+    if size_a.is_nan() || size_b.is_nan() || size_a < LEAST_SIZE || size_b < LEAST_SIZE {
         return None;
     }
     let rotation = rodrigues([0.0, yaw, 0.0]);
@@ -201,4 +203,61 @@ fn in_front(matches: &[Match], pose: RelativePose) -> RelativePose {
         }
     }
     best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scene::{joints, joints_in_view_0, person, ring};
+    use super::*;
+    use crate::linalg::vector::distance;
+
+    /// Two cameras of the ring, what they see of a person, and the truth between them.
+    fn planted(seed: u32, other: usize) -> (Vec<Match>, Matrix3, Vector3) {
+        let (person, cameras) = (person(seed), ring(other + 1));
+        let see = |i: usize, p: Vector3| {
+            let [x, y, z] = cameras[i].to_camera(p);
+            [x / z, y / z]
+        };
+        let matches = joints(&person)
+            .into_iter()
+            .map(|p| Match { a: see(0, p), b: see(other, p), weight: 1.0 })
+            .collect();
+        let rotation = mul(&cameras[other].rotation, &transpose(&cameras[0].rotation));
+        let t = sub(cameras[other].translation, apply(&rotation, cameras[0].translation));
+        (matches, rotation, t)
+    }
+
+    #[test]
+    fn exact_matches_give_the_pose_and_the_depths() {
+        for seed in 0..4 {
+            for other in 1..4 {
+                let (matches, rotation, t) = planted(seed, other);
+                let best = relative_poses(&matches, 3)[0];
+                assert!(angle_between(&best.rotation, &rotation) < 1e-5, "person {seed}, camera {other}");
+                assert!(distance(best.translation, normalize(t)) < 1e-5, "person {seed}, camera {other}");
+                let points = joints_in_view_0(&person(seed), &ring(1));
+                for (m, p) in matches.iter().zip(points) {
+                    let [depth, _] = depths(&best, m).expect("a baseline");
+                    assert!((depth * norm(t) - p[2]).abs() < 1e-3, "{depth} for {}", p[2]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_wrong_match_does_not_decide() {
+        let (mut matches, rotation, t) = planted(1, 1);
+        matches[5].b[1] += 0.3;
+        let best = relative_poses(&matches, 1)[0];
+        let error = angle_between(&best.rotation, &rotation);
+        assert!(error < 0.1, "{error} rad");
+        assert!(best.error <= total_error(&rotation, normalize(t), &matches));
+    }
+
+    #[test]
+    fn too_few_or_coincident_matches_have_no_pose() {
+        let (matches, ..) = planted(0, 1);
+        assert!(relative_poses(&matches[..5], 3).is_empty());
+        assert!(relative_poses(&[Match { a: [0.1, 0.2], b: [0.0, 0.1], weight: 1.0 }; 8], 3).is_empty());
+    }
 }

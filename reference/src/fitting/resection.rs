@@ -141,3 +141,46 @@ fn descend(
     }
     Some(Resected { rotation, translation, error: least })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scene::{joints, person, ring};
+    use super::*;
+    use std::f64::consts::PI;
+
+    fn landmarks(seed: u32, camera: usize) -> Vec<Landmark> {
+        let camera = ring(4)[camera];
+        let landmark = |point: Vector3| {
+            let [x, y, z] = camera.to_camera(point);
+            Landmark { point, seen: [x / z, y / z], weight: 1.0 }
+        };
+        joints(&person(seed)).into_iter().map(landmark).collect()
+    }
+
+    #[test]
+    fn exact_landmarks_give_the_camera() {
+        let upright = rodrigues([PI, 0.0, 0.0]);
+        for (seed, camera) in [(0, 0), (1, 1), (2, 2), (3, 3)] {
+            let truth = ring(4)[camera];
+            let found = resect(&landmarks(seed, camera), &upright, 0.1, 1)[0];
+            assert!(angle_between(&found.rotation, &truth.rotation) < 1e-5, "camera {camera}");
+            assert!(distance(found.translation, truth.translation) < 1e-4, "camera {camera}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_landmark_does_not_decide() {
+        let mut landmarks = landmarks(1, 2);
+        landmarks[3].seen[0] += 0.2;
+        let found = resect(&landmarks, &rodrigues([PI, 0.0, 0.0]), 0.02, 1)[0];
+        assert!(angle_between(&found.rotation, &ring(4)[2].rotation) < 0.02);
+    }
+
+    #[test]
+    fn too_few_or_coincident_landmarks_have_no_camera() {
+        let upright = rodrigues([PI, 0.0, 0.0]);
+        assert!(resect(&landmarks(0, 0)[..3], &upright, 0.1, 4).is_empty());
+        let spot = [Landmark { point: [0.0; 3], seen: [0.1, 0.1], weight: 1.0 }; 6];
+        assert!(resect(&spot, &upright, 0.1, 4).is_empty());
+    }
+}
