@@ -110,8 +110,9 @@ pub struct PoseRefinement {
     /// Of a contour point along its normal, pixels: 0.3 of quantisation, the rest for what the model cannot bend to and because
     /// neighbours are not independent.
     pub contour_sigma_px: f64,
-    /// A contour point's partner lies within this distance in the first round and in the last, pixels; geometric in between.
-    pub reach_px: [f64; 2],
+    /// A contour point's partner lies within this distance in the first round and in the last, metres at the body's depth;
+    /// geometric in between, and never less than two pixels.
+    pub reach_m: [f64; 2],
     /// Of a joint angle's change from the start, radians.
     pub pose_sigma_rad: f64,
     /// Of how much too large the masks are all round, pixels; 0 takes them as they are.
@@ -126,7 +127,7 @@ impl Default for PoseRefinement {
             rounds: 10,
             keypoint_sigma_px: 2.0,
             contour_sigma_px: 1.0,
-            reach_px: [10.0, 2.0],
+            reach_m: [0.1, 0.02],
             pose_sigma_rad: 0.2,
             mask_bias_sigma_px: 0.5,
         }

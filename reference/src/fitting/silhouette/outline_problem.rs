@@ -43,6 +43,8 @@ pub struct OutlinePair {
     pub normal: [f64; 2],
     /// How many contour points it counts for, squared residuals.
     pub count: f64,
+    /// σ of ρ, pixels: contour points further off lose their say.
+    pub robust_px: f64,
 }
 
 /// A keypoint in a view.
@@ -63,8 +65,6 @@ pub struct KeypointPair {
 pub struct Sigmas {
     /// σ_c, pixels.
     pub contour_px: f64,
-    /// Of ρ, pixels: contour points further off lose their say.
-    pub robust_px: f64,
     /// σ_k, pixels.
     pub keypoint_px: f64,
     /// σ_θ, radians; the root is free.
@@ -240,10 +240,8 @@ impl Problem for OutlineProblem<'_> {
         let joints = self.joints(pose, betas, trans);
         let mut r = Vec::with_capacity(self.outline.len() + 2 * self.keypoints.len() + x.len());
         for pair in self.outline {
-            let miss = robust_loss::residual(
-                self.miss(pair, &cameras[pair.view], &places, bias)?,
-                self.sigmas.robust_px,
-            );
+            let miss =
+                robust_loss::residual(self.miss(pair, &cameras[pair.view], &places, bias)?, pair.robust_px);
             r.push(pair.count.sqrt() / self.sigmas.contour_px * miss);
         }
         for pair in self.keypoints {
@@ -287,7 +285,7 @@ impl Problem for OutlineProblem<'_> {
             let camera = &cameras[pair.view];
             let Some(miss) = self.miss(pair, camera, &places, bias) else { continue };
             let slope = pair.count.sqrt() / self.sigmas.contour_px
-                * robust_loss::residual_derivative(miss, self.sigmas.robust_px);
+                * robust_loss::residual_derivative(miss, pair.robust_px);
             if self.sigmas.mask_bias_px > 0.0 {
                 row[p + b + 3] = slope;
             }

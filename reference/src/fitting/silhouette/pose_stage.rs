@@ -1,7 +1,7 @@
 //! Pose, shape and translation to outlines: rounds of pairing and of the [outline problem](super::outline_problem).
 //!
 //! The reach of the pairing shrinks geometrically from round to round, and with it the scale of the robust loss: first limbs
-//! find their place, then contour points within two pixels decide.
+//! find their place, then contour points within two centimetres decide.
 
 use super::options::PoseRefinement;
 use super::outline_problem::{KeypointPair, OutlineProblem, Sigmas};
@@ -10,12 +10,17 @@ use super::scene::Scene;
 use super::shape_stage::energy;
 use super::state::State;
 use super::unfold::Damping;
+use crate::camera::Pinhole;
 use crate::least_squares::{Dogleg, Termination};
+use crate::linalg::vector::Vector3;
 
 /// Accepted steps within one round of the pose refinement: the pairs change, so the minimum of a round is worth little.
 const STEPS_PER_ROUND: usize = 2;
 /// Of the last round, which is to end at its minimum.
 const LAST_ROUND_STEPS: usize = 30;
+
+/// The least reach: contour points lie up to half a pixel diagonal beside the outline.
+const LEAST_REACH_PX: f64 = 2.0;
 
 /// Pose, shape and translation, and if they are free the cameras, to outlines and keypoints; undone if it lowers the overlap.
 pub fn pose_stage(
@@ -49,13 +54,13 @@ pub fn pose_stage(
             ..Dogleg::default()
         };
         let progress = round as f64 / (options.rounds - 1).max(1) as f64;
-        let reach_px = options.reach_px[0] * (options.reach_px[1] / options.reach_px[0]).powf(progress);
+        let reach_m = options.reach_m[0] * (options.reach_m[1] / options.reach_m[0]).powf(progress);
+        let reach_px = reaches_px(scene.cameras(), state.joints()[0], reach_m);
         let seen = scene.see(&state.vertices());
         overlap_before.get_or_insert_with(|| seen.iou.iter().sum::<f64>());
-        let pairs = scene.outline_pairs(&seen, reach_px);
+        let pairs = scene.outline_pairs(&seen, &reach_px);
         let sigmas = Sigmas {
             contour_px: options.contour_sigma_px,
-            robust_px: 0.5 * reach_px,
             keypoint_px: options.keypoint_sigma_px,
             pose_rad: options.pose_sigma_rad,
             mask_bias_px: options.mask_bias_sigma_px,
@@ -97,4 +102,10 @@ pub fn pose_stage(
     }
     scene.shrink_outlines(mask_bias_px);
     report
+}
+
+/// A length at a place, as every camera sees it, in pixels; [`LEAST_REACH_PX`] at least.
+fn reaches_px(cameras: &[Pinhole], place: Vector3, length_m: f64) -> Vec<f64> {
+    let seen = |camera: &Pinhole| camera.focal_px[0] * length_m / camera.to_camera(place)[2];
+    cameras.iter().map(|camera| seen(camera).max(LEAST_REACH_PX)).collect()
 }

@@ -133,11 +133,12 @@ impl<'a> Scene<'a> {
     }
 
     /// The pairs of outline points in all views, for a pose round: for every contour point the nearest point of the body's
-    /// outline, and for the middle of every edge of the body's outline the nearest contour point; within `reach_px`, and
-    /// facing the same way.
-    pub fn outline_pairs(&self, seen: &Seen, reach_px: f64) -> Vec<OutlinePair> {
+    /// outline, and for the middle of every edge of the body's outline the nearest contour point; within the view's `reach_px`,
+    /// and facing the same way.
+    pub fn outline_pairs(&self, seen: &Seen, reach_px: &[f64]) -> Vec<OutlinePair> {
         let mut pairs = Vec::new();
         for (view, (rays, outline)) in self.rays.iter().zip(&seen.outlines).enumerate() {
+            let (reach_px, robust_px) = (reach_px[view], 0.5 * reach_px[view]);
             // Squared distance, and the partner.
             let mut of_edge = vec![(reach_px * reach_px, None); outline.len()];
             let middles: Vec<[f64; 2]> = outline
@@ -169,7 +170,15 @@ impl<'a> Scene<'a> {
                     }
                 }
                 if let (_, Some((vertices, fraction))) = best {
-                    pairs.push(OutlinePair { view, vertices, fraction, pixel_px: c, normal: n, count: 1.0 });
+                    pairs.push(OutlinePair {
+                        view,
+                        vertices,
+                        fraction,
+                        pixel_px: c,
+                        normal: n,
+                        count: 1.0,
+                        robust_px,
+                    });
                 }
             }
             for (edge, (_, partner)) in outline.iter().zip(of_edge) {
@@ -183,6 +192,7 @@ impl<'a> Scene<'a> {
                         pixel_px,
                         normal,
                         count,
+                        robust_px,
                     });
                 }
             }

@@ -328,7 +328,7 @@ fn shape_stage_has_the_derivatives_of_its_residuals_and_solves_its_normal_equati
 fn outline_round_has_the_derivatives_of_its_residuals() {
     let (masks, start) = (masks(&truth()), start());
     let scene = Scene::new(body(), &start.cameras, &masks);
-    let pairs = scene.outline_pairs(&scene.see(&vertices(&start)), 8.0);
+    let pairs = scene.outline_pairs(&scene.see(&vertices(&start)), &[8.0; 4]);
     assert!(pairs.len() > 2000, "{}", pairs.len());
     let mut marks = input::keypoint_pairs(body(), &keypoints(&truth(), 2.0));
     marks.push(KeypointPair {
@@ -341,8 +341,7 @@ fn outline_round_has_the_derivatives_of_its_residuals() {
         (0..body().vertex_count()).map(|i| [0.003 * noise(i, 0.4), 0.0, 0.001]).collect();
     let few: Vec<_> = pairs.iter().step_by(20).copied().collect();
     let (skeleton, prior) = (body().skeleton(), vec![0.0; 72]);
-    let sigmas =
-        Sigmas { contour_px: 0.7, robust_px: 3.0, keypoint_px: 2.0, pose_rad: 0.3, mask_bias_px: 0.5 };
+    let sigmas = Sigmas { contour_px: 0.7, keypoint_px: 2.0, pose_rad: 0.3, mask_bias_px: 0.5 };
     let problem =
         OutlineProblem::new(body(), &skeleton, &start.cameras, true, &offsets, &few, &marks, &prior, sigmas);
     let mut x = problem.start(&start.pose, &start.betas, start.trans, 0.3);
