@@ -4,6 +4,7 @@ mod bodies;
 mod body;
 mod body_derivative;
 mod body_layouts;
+mod fitting;
 mod least_squares;
 mod nn;
 mod plain_body;

@@ -71,14 +71,14 @@ pub fn coherence(figure: &Figure, detections: &[Detection], errors: &[[f64; 2]])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::mannequin;
     use crate::fitting::KeypointSet;
+    use crate::fitting::test_scene::body;
     use crate::surface::sampling::SplitMix64;
 
     fn coherence_of(error: impl Fn(usize, usize) -> [f64; 2]) -> Option<f64> {
-        let body = mannequin();
+        let body = body();
         let skeleton = body.skeleton();
-        let figure = Figure::new(&body, &skeleton, KeypointSet::Smpl24);
+        let figure = Figure::new(body, &skeleton, KeypointSet::Smpl24);
         let detections: Vec<Detection> = (0..4)
             .flat_map(|view| {
                 (0..24).map(move |keypoint| Detection { view, keypoint, pixel_px: [0.0; 2], weight: 1.0 })
@@ -94,11 +94,11 @@ mod tests {
         assert!((shift - 1.0).abs() < 1e-12, "{shift}");
         // Left knee and ankle, and so on: each joint errs against its parent along the chains of both legs and arms.
         let depth = |k: usize| {
-            let mut at = mannequin().parents[k];
+            let mut at = body().parents[k];
             let mut depth = 0;
             while let Some(j) = at {
                 depth += 1;
-                at = mannequin().parents[j];
+                at = body().parents[j];
             }
             depth
         };

@@ -234,7 +234,7 @@ fn camera_fault(camera: &Pinhole, extrinsics: Extrinsics) -> Option<&'static str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::mannequin;
+    use crate::fitting::test_scene::body;
 
     fn observation() -> Observation {
         let keypoint = |k: u8| Keypoint { pixel_px: [10.0 + f64::from(k), 20.0], confidence: 0.5 };
@@ -250,13 +250,13 @@ mod tests {
     fn refusal(change: impl FnOnce(&mut Observation)) -> String {
         let mut observation = observation();
         change(&mut observation);
-        let keypoints = observation.keypoint_set.on_body(&mannequin());
+        let keypoints = observation.keypoint_set.on_body(body());
         observation.checked_weights(&keypoints).expect_err("a refusal").to_string()
     }
 
     #[test]
     fn confidence_is_the_weight() {
-        let keypoints = KeypointSet::Smpl24.on_body(&mannequin());
+        let keypoints = KeypointSet::Smpl24.on_body(body());
         assert_eq!(observation().checked_weights(&keypoints), Ok(vec![vec![0.5; 24]; 2]));
     }
 
