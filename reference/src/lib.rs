@@ -45,6 +45,8 @@
 //! | ch. 2, body model | – (Loper et al. 2015, eq. 1–9) | [`body`], [`rotation`] |
 //! | ch. 2, projection | 2.3 (erratum E7) | [`camera::Pinhole`] |
 //! | ch. 2 and 3, minimisation by Powell's dogleg | – (chumpy's rules) | [`least_squares`] |
+//! | ch. 2, loss | 2.4 (errata E2, E3) | [`robust_loss`] |
+//! | ch. 2 and ch. 3 §3.2, pose, shape and cameras from joints | 2.1–2.6, 3.1–3.4, table 3.1 (errata E1–E8, E13) | [`fitting`] |
 //! | ch. 2, error of joints | 2.7 | [`metric::joints`] |
 //! | ch. 3, un-posing | 3.6 (erratum E10) | [`body::unposing`] |
 //! | ch. 3, rays and outlines | 3.5–3.8 | [`plucker`], [`silhouette`] |
@@ -62,8 +64,8 @@
 //! | the operators of both networks | – (the ONNX specification) | [`nn`] |
 //!
 //! # Reading order
-//! [`rotation`], then [`body`] (the model is six short files; [`body::mannequin()`] is a complete one), [`camera`], then
-//! [`nn`] with [`network`], and [`surface`] with [`metric`]. [`linalg`] can wait until a name in it is met.
+//! [`rotation`], then [`body`] (the model is six short files; [`body::mannequin()`] is a complete one), [`camera`],
+//! [`least_squares`] with [`fitting`], then [`nn`] with [`network`], and [`surface`] with [`metric`]. [`linalg`] can wait until a name in it is met.
 //!
 //! ```
 //! use vitruvian_reference::{body::mannequin, camera::Pinhole};
