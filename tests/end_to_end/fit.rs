@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use vitruvian_runtime::file::npz::Npz;
+use vitruvian_runtime::file::npy::Values;
+use vitruvian_runtime::file::npz::{self, Npz};
 
 use crate::command::{Outcome, capture, files, folder, vitruvian, word};
 
@@ -233,4 +234,86 @@ fn masks_mend_what_noisy_keypoints_leave() {
     let ended = fit(&capture, &out, &["--method", "silhouette"]);
     assert!(ended.status == 2 || ended.status == 1, "{ended:?}");
     assert!(ended.err.contains("\"yaw_180\""), "{ended:?}");
+}
+
+/// Writes the keypoints of every view as those of a detector's set: `joints` are SMPL's for each keypoint of the set, `None`
+/// for one that is not found.
+fn detected_as(capture: &Path, joints: &[Option<usize>]) {
+    for yaw in ["000", "090", "180", "270"] {
+        change_json(&capture.join(format!("keypoints/yaw_{yaw}.json")), |value| {
+            let all = value["people"][0]["pose_keypoints_2d"].clone();
+            let numbers: Vec<Value> = joints
+                .iter()
+                .flat_map(|joint| (0..3).map(|i| joint.map_or(json!(0.0), |j| all[3 * j + i].clone())))
+                .collect();
+            *value = json!({ "people": [{ "pose_keypoints_2d": numbers }] });
+        });
+    }
+}
+
+#[test]
+fn keypoints_of_detectors_move_the_limbs_that_they_see() {
+    // BODY_25 up to the ankles without the nose, and COCO's 17 without the face: what a mesh other than SMPL's has.
+    let body_25 = [12, 17, 19, 21, 16, 18, 20, 0, 2, 5, 8, 1, 4, 7].map(Some);
+    let coco_17 = [16, 17, 18, 19, 20, 21, 1, 2, 4, 5, 7, 8].map(Some);
+    let sets = [
+        ("body25", [&[None][..], &body_25, &[None; 10]].concat()),
+        ("coco17", [&[None; 5][..], &coco_17].concat()),
+    ];
+    for (name, joints) in sets {
+        let folder = folder();
+        let capture = capture(&folder.path().join("captures"));
+        detected_as(&capture, &joints);
+        let out = folder.path().join(name);
+        fit(&capture, &out, &[]).done();
+        let read = |path: &Path| {
+            let values = Npz::open(path).expect("joints").array::<f64>("joints").expect("joints").values;
+            values.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect::<Vec<[f64; 3]>>()
+        };
+        let (found, truth) = (read(&out.join("joints.npz")), read(&capture.join("body.npz")));
+        for joint in [4, 5, 7, 8, 16, 17, 18, 19, 20, 21] {
+            let far = (0..3).map(|a| (found[joint][a] - truth[joint][a]).powi(2)).sum::<f64>().sqrt();
+            assert!(far < 1e-3, "{name}: joint {joint} is {far} m off");
+        }
+        let report = read_json(&out.join("report.json"));
+        assert!(report["joints"]["left_out"].to_string().contains("nose"), "{name}: {report}");
+    }
+}
+
+#[test]
+fn a_mixture_from_a_file_is_a_prior_and_a_wrong_one_is_refused() {
+    let folder = folder();
+    let capture = capture(&folder.path().join("captures"));
+    let prior = folder.path().join("prior.npz");
+    let (k, n) = (2, 69);
+    let write = |n: usize, diagonal: f64| {
+        let means: Vec<f64> = (0..k * n).map(|i| 0.01 * (i % 7) as f64).collect();
+        let unit = |i: usize| if i / n % n == i % n { diagonal } else { 0.0 };
+        let covariances: Vec<f64> = (0..k * n * n).map(unit).collect();
+        let shapes = [&[k, n][..], &[k, n, n], &[k]];
+        let named = |name, shape, values| npz::Named { name, shape, values };
+        let arrays = [
+            named("means", shapes[0], Values::F64(&means)),
+            named("covariances", shapes[1], Values::F64(&covariances)),
+            named("weights", shapes[2], Values::F64(&[0.25, 0.75])),
+        ];
+        npz::write(&prior, &arrays).expect("a writable folder");
+    };
+    write(n, 0.05);
+    let out = folder.path().join("out");
+    let more = ["--preset", "ch3", "--prior", word(&prior)];
+    fit(&capture, &out, &more).done();
+    // The prior costs something: the thesis' presets are biased by it.
+    let error = joint_error_mm(&out, &capture, false);
+    assert!((0.05..60.0).contains(&error), "{error}");
+
+    let refused = |expected: &str, more: &[&str]| {
+        let ended = fit(&capture, &folder.path().join("none"), more);
+        assert!(ended.status == 2 && ended.err.contains(expected), "{expected}: {ended:?}");
+    };
+    refused("--prior is for the thesis' presets", &["--prior", word(&prior)]);
+    write(n, -0.05);
+    refused("prior.npz", &more);
+    write(60, 0.05);
+    refused("60 numbers", &more);
 }
