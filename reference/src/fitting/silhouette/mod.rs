@@ -82,11 +82,14 @@ pub fn fit_silhouettes(
     let iou_before = input::agreement(&scene, &state, masks)?;
 
     let mut stages = Vec::new();
+    let mut mask_bias_px = 0.0;
     if let Some(refinement) = options.refine_pose.as_ref().filter(|refinement| refinement.rounds > 0) {
         let pairs = keypoints.map(|observation| input::keypoint_pairs(body, observation)).unwrap_or_default();
         // Cameras that the joint fit has found are no better known than the joints.
         let cameras_free = keypoints.is_some_and(|observation| observation.extrinsics == Extrinsics::Unknown);
-        stages.push(pose_stage(&mut state, &mut scene, &pairs, cameras_free, refinement));
+        let (report, bias) = pose_stage(&mut state, &mut scene, &pairs, cameras_free, refinement);
+        stages.push(report);
+        mask_bias_px = bias;
     }
     let prior_betas = state.betas.clone();
     let mut regulariser: Option<Regulariser> = None;
@@ -114,7 +117,7 @@ pub fn fit_silhouettes(
             cameras: scene.cameras().to_vec(),
         },
         offsets: state.offsets,
-        mask_bias_px: scene.mask_bias_px,
+        mask_bias_px,
         stages,
         warnings,
     })

@@ -23,13 +23,17 @@ const LAST_ROUND_STEPS: usize = 30;
 const LEAST_REACH_PX: f64 = 2.0;
 
 /// Pose, shape and translation, and if they are free the cameras, to outlines and keypoints; undone if it lowers the overlap.
+///
+/// Beside the report, by how many pixels the masks are too large all round for the body found: a segmentation's habit, or
+/// clothes. What the keypoints say of the pose is not given up for it; the offsets that follow are to explain the masks as they
+/// are.
 pub fn pose_stage(
     state: &mut State,
     scene: &mut Scene,
     keypoints: &[KeypointPair],
     cameras_free: bool,
     options: &PoseRefinement,
-) -> SilhouetteStage {
+) -> (SilhouetteStage, f64) {
     let prior_pose = state.pose.clone();
     let mut report = SilhouetteStage {
         kind: StageKind::Pose,
@@ -100,8 +104,7 @@ pub fn pose_stage(
         report.reverted = true;
         report.iou = scene.iou(&state.vertices());
     }
-    scene.shrink_outlines(mask_bias_px);
-    report
+    (report, mask_bias_px)
 }
 
 /// A length at a place, as every camera sees it, in pixels; [`LEAST_REACH_PX`] at least.

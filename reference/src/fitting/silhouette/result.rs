@@ -72,7 +72,8 @@ pub struct SilhouetteFit {
     pub iou_before: Vec<f64>,
     /// The same at the end.
     pub iou: Vec<f64>,
-    /// By how many pixels the masks were found to be too large all round; 0 unless the pose was refined.
+    /// By how many pixels the masks were found to be larger all round than the body of θ and β: clothes, or a generous
+    /// segmentation; 0 unless the pose was refined.
     pub mask_bias_px: f64,
     /// One report for each stage.
     pub stages: Vec<SilhouetteStage>,

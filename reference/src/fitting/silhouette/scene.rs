@@ -32,8 +32,6 @@ pub struct Scene<'a> {
     pub masks: &'a [Mask],
     /// The rays of each mask's outline.
     pub rays: Vec<Vec<Ray>>,
-    /// How far their contour points were moved into the masks, pixels.
-    pub mask_bias_px: f64,
 }
 
 /// The body as every view sees it.
@@ -56,23 +54,12 @@ impl<'a> Scene<'a> {
             cameras: cameras.to_vec(),
             masks,
             rays: cameras.iter().zip(masks).map(|(camera, mask)| rays(camera, mask)).collect(),
-            mask_bias_px: 0.0,
         }
     }
 
     /// The cameras of the views.
     pub fn cameras(&self) -> &[Pinhole] {
         &self.cameras
-    }
-
-    /// Moves all contour points into the masks by so many pixels, and the rays with them.
-    pub fn shrink_outlines(&mut self, by_px: f64) {
-        for ray in self.rays.iter_mut().flatten() {
-            let (at, normal) = (&mut ray.contour.position_px, ray.contour.normal);
-            *at = [at[0] - by_px * normal[0], at[1] - by_px * normal[1]];
-        }
-        self.mask_bias_px += by_px;
-        self.set_cameras(self.cameras.clone());
     }
 
     /// Turns and moves the cameras, and the rays with them.

@@ -170,8 +170,10 @@ fn masks_that_are_too_large_or_too_small_all_round_are_seen_through() {
             fit_silhouettes(body(), &start, &masks, Some(&marks), &refining()).expect("masks of this body");
         // A square of three pixels grows slanted outlines by up to √2.
         assert!((fit.mask_bias_px / bias - 1.2).abs() < 0.35, "{} of {bias}", fit.mask_bias_px);
-        let errors = [&vertices(&start), &fit.vertices].map(|v| mean_distance(v, &vertices(&truth)));
+        // θ and β see through it; D then explains the masks as they are (measured 0.965 and 0.939).
+        let errors = [&start, &fit.parameters].map(|p| mean_distance(&vertices(p), &vertices(&truth)));
         assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
+        assert!(fit.mean_iou()[1] > 0.93, "{:?}", fit.iou);
     }
 }
 
