@@ -186,8 +186,8 @@ impl Case<'_> {
         } else {
             LEAST_NOISE_PX
         };
-        let noise_px =
-            if spare > 1.0 { (squares / spare).sqrt().max(least) } else { model.noise_px.max(least) };
+        let found = if spare > 1.0 { (squares / spare).sqrt() } else { model.noise_px };
+        let noise_px = found.max(least);
         Some(Model {
             noise_px,
             trunk_rad: deviation(groups[0], TRUNK_DEVIATION_RAD),

@@ -18,6 +18,8 @@ const LEAST_SIZE_PX: f64 = 4.0;
 const FAR_TOGETHER: f64 = 0.01;
 /// Noise reaches 0.1 in a hundred fits; bodies of other people 0.7 and more.
 const TOGETHER: f64 = 0.5;
+/// Marks nearer than this are met exactly, pixels.
+const EXACT_PX: f64 = 0.02;
 /// No body of a model's training set is this many standard deviations from the mean.
 const MOST_DEVIATIONS: f64 = 5.0;
 /// Elbows and knees do not bend backwards by more than this, radians (70°); short of it the marks are believed.
@@ -118,5 +120,7 @@ pub fn verdict(
             return Verdict::ImplausiblePose { joint, angle_rad };
         }
     }
-    if termination.was_successful() { Verdict::Success } else { Verdict::NotConverged }
+    // Directions that exact marks leave open may take long to settle; the marks are met all the same.
+    let met = views.iter().all(|view| view.rms_px < EXACT_PX);
+    if met || termination.was_successful() { Verdict::Success } else { Verdict::NotConverged }
 }
