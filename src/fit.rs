@@ -27,7 +27,8 @@ use crate::{body, progress};
 ///
 /// Writes params.npz (poses, betas, trans, cameras), body.ply, joints.npz, report.json and overlay_NAME.png into OUT. A
 /// folder of captures is a sequence of one person: each frame starts from the one before, results go to a folder for each,
-/// and all frames together to OUT/params.npz, joints.npz and report.json. Exit status 1: a body was found and written, but
+/// and all frames together to OUT/params.npz, joints.npz and report.json (offsets, and cameras that were found, stay with
+/// their frames). Exit status 1: a body was found and written, but
 /// the report says why it is not to be trusted.
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -53,48 +54,50 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = Settings::new(&arguments.choices, &body)?;
     let jobs = captures::jobs(&arguments.capture, &arguments.out)?;
     let is_sequence = captures::is_sequence(&arguments.capture, &jobs);
-    // Everything that can be wrong with the files is said before the first fit.
-    for job in &jobs {
-        Observed::read(&job.capture, &settings)?;
-    }
-    let done = if arguments.resume { sequence::finished(&jobs, &settings)? } else { 0 };
-    if done > 0 {
-        eprintln!("{done} of {} captures are done already", jobs.len());
+    // What is wrong with the files is said before the first fit; a sequence may have bad frames, but not only such.
+    let mut faults = jobs.iter().filter_map(|job| Observed::read(&job.capture, &settings).err());
+    if !is_sequence || jobs.iter().all(|job| Observed::read(&job.capture, &settings).is_err()) {
+        faults.next().map_or(Ok(()), Err)?;
     }
 
     let bar = progress::bar("fit", jobs.len() as u64);
-    bar.set_position(done as u64);
-    let mut failures = Vec::new();
-    let mut before = match done {
-        0 => None,
-        n => sequence::parameters(&jobs[n - 1], &settings)?,
-    };
-    for Job { capture, out } in &jobs[done..] {
+    let (mut failures, mut placed, mut resumed) = (Vec::new(), Vec::new(), 0);
+    let mut before = None;
+    for job in &jobs {
+        let Job { capture, out } = job;
         let start = before.take().filter(|_| !arguments.independent);
+        if arguments.resume && sequence::is_finished(job, &settings)? {
+            before = sequence::parameters(job, &settings)?;
+            placed.push(job);
+            resumed += 1;
+            bar.inc(1);
+            continue;
+        }
         let warn = |words: &str| bar.suspend(|| eprintln!("warning: {words}"));
         match one(capture, out, &settings, start.as_ref(), &warn) {
-            Ok((fitted, None)) => {
-                bar.suspend(|| eprintln!("{}: {}", out.display(), fitted.words()));
-                before = Some(fitted.parameters);
-            }
-            Ok((_, Some(why))) => {
-                let negative = Failure::Negative(format!("{}: {why}", capture.display()));
-                if is_sequence {
-                    bar.suspend(|| eprintln!("warning: {negative}"));
+            Ok((fitted, why)) => {
+                placed.push(job);
+                match why {
+                    None => {
+                        bar.suspend(|| eprintln!("{}: {}", out.display(), fitted.words()));
+                        before = Some(fitted.parameters);
+                    }
+                    Some(why) => failures.push(Failure::Negative(format!("{}: {why}", capture.display()))),
                 }
-                failures.push(negative);
             }
-            Err(failure) if is_sequence => {
-                bar.suspend(|| eprintln!("error: {failure}"));
-                failures.push(failure);
-            }
-            Err(failure) => return Err(failure),
+            Err(failure) => failures.push(failure),
+        }
+        if let Some(failure) = failures.last().filter(|_| is_sequence && before.is_none()) {
+            bar.suspend(|| eprintln!("error: {failure}"));
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if resumed > 0 {
+        eprintln!("{resumed} of {} captures were done already", jobs.len());
+    }
     if is_sequence {
-        sequence::join(&jobs, &arguments.out, &settings)?;
+        sequence::join(&placed, &arguments.out, &settings)?;
     }
     verdict(failures, jobs.len(), is_sequence)
 }

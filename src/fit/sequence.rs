@@ -1,6 +1,6 @@
 //! Many frames of one person: going on after an interruption, and the files of all frames together.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use vitruvian_reference::body::BodyModel;
@@ -14,39 +14,38 @@ use vitruvian_runtime::file::{atomic, read_text};
 use super::settings::Settings;
 use super::{refuse, write};
 use crate::captures::Job;
-use crate::failure::Result;
+use crate::failure::{Failure, Result};
 use crate::output_folder::OutputFolder;
 
 /// A frame's report is far smaller.
 const MAX_REPORT_BYTES: u64 = 16 << 20;
 
-/// How many frames an interrupted run with the same settings has finished: the first that has no report stops the count.
-pub fn finished(jobs: &[Job], settings: &Settings) -> Result<usize> {
-    let wanted = settings.json();
-    for (number, job) in jobs.iter().enumerate() {
-        let path = job.out.join("report.json");
-        if !path.is_file() {
-            return Ok(number);
-        }
-        let found = &read_report(&path)?["options"];
-        if *found != wanted {
-            return Err(refuse(
-                &path,
-                format!(
-                    "was fitted with other options ({found}, now {wanted}): use the same, or another --out, or leave --resume away"
-                ),
-            ));
-        }
+/// Whether an earlier run with the same settings has finished this frame.
+pub fn is_finished(job: &Job, settings: &Settings) -> Result<bool> {
+    let path = report_of(job);
+    if !path.is_file() {
+        return Ok(false);
     }
-    Ok(jobs.len())
+    let (found, wanted) = (&read_report(&path)?["options"], settings.json());
+    if *found != wanted {
+        let message = format!(
+            "was fitted with other options ({found}, now {wanted}): use the same, or another --out, or leave --resume away"
+        );
+        return Err(refuse(&path, message));
+    }
+    Ok(true)
+}
+
+fn report_of(job: &Job) -> PathBuf {
+    job.out.join("report.json")
 }
 
 /// The parameters that a finished frame was left with, if it was to be trusted: where the next frame begins.
 pub fn parameters(job: &Job, settings: &Settings) -> Result<Option<Parameters>> {
-    if read_report(&job.out.join("report.json"))?["success"] != json!(true) {
+    if read_report(&report_of(job))?["success"] != json!(true) {
         return Ok(None);
     }
-    let found = params::read(&job.out.join("params.npz"), &counts(settings.body))?;
+    let found = read_frame(job, settings)?;
     let camera = |view: &params::View| {
         let [[fx, _, cx], [_, fy, cy], _] = view.k;
         Pinhole {
@@ -68,7 +67,9 @@ pub fn parameters(job: &Job, settings: &Settings) -> Result<Option<Parameters>> 
 }
 
 /// Writes params.npz, joints.npz and report.json of all frames that have a body, in their order, into `out`.
-pub fn join(jobs: &[Job], out: &Path, settings: &Settings) -> Result<()> {
+///
+/// Cameras that all frames share go with them; those that were found anew for each frame stay with it.
+pub fn join(jobs: &[&Job], out: &Path, settings: &Settings) -> Result<()> {
     let mut all = params::Parameters {
         poses: Vec::new(),
         betas: Vec::new(),
@@ -76,19 +77,23 @@ pub fn join(jobs: &[Job], out: &Path, settings: &Settings) -> Result<()> {
         offsets: Vec::new(),
         views: Vec::new(),
     };
-    let (mut joints, mut frames) = (Vec::new(), Vec::new());
-    for job in jobs.iter().filter(|job| job.out.join("report.json").is_file()) {
-        let found = params::read(&job.out.join("params.npz"), &counts(settings.body))?;
+    let (mut joints, mut frames, mut views) = (Vec::new(), Vec::new(), Vec::new());
+    for job in jobs {
+        let found = read_frame(job, settings)?;
         all.poses.extend_from_slice(&found.poses);
         all.betas.push(found.betas_of(0).to_vec());
         all.trans.extend_from_slice(&found.trans);
         let mut npz = Npz::open(&job.out.join("joints.npz"))?;
         let array = npz.shaped::<f64>("joints", &[Some(1), Some(settings.body.joint_count()), Some(3)])?;
         joints.push(array.values.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect());
-        frames.push(summary(&read_report(&job.out.join("report.json"))?));
+        frames.push(summary(&read_report(&report_of(job))?));
+        views.push(found.views);
     }
     if frames.is_empty() {
         return Ok(());
+    }
+    if views.windows(2).all(|pair| pair[0] == pair[1]) {
+        all.views = views.swap_remove(0);
     }
     let folder = OutputFolder::begin(out)?;
     params::write(&folder.file("params.npz"), &all)?;
@@ -110,11 +115,21 @@ fn summary(report: &Value) -> Value {
     })
 }
 
+fn read_frame(job: &Job, settings: &Settings) -> Result<params::Parameters> {
+    params::read(&job.out.join("params.npz"), &counts(settings.body)).map_err(|error| damaged(job, &error))
+}
+
+/// A result of an earlier run that cannot be gone on from.
+fn damaged(job: &Job, error: &Error) -> Failure {
+    Failure::Usage(format!("{error}; remove {} to fit this frame again", job.out.display()))
+}
+
 fn counts(body: &BodyModel) -> Counts {
     Counts { vertices: body.vertex_count(), joints: body.joint_count(), betas: body.beta_count() }
 }
 
 fn read_report(path: &Path) -> Result<Value> {
     let text = read_text(path, MAX_REPORT_BYTES)?;
-    serde_json::from_str(&text).map_err(|e| Error::file(path, format!("is no report: {e}")).into())
+    let fault = |e| refuse(path, format!("is no report: {e}; remove its folder to fit this frame again"));
+    serde_json::from_str(&text).map_err(fault)
 }

@@ -188,6 +188,7 @@ impl<'a> Settings<'a> {
             "start": word(&self.options.start),
             "prior": self.prior_name,
             "silhouette": silhouette,
+            "format": word(&self.format),
         })
     }
 }

@@ -110,10 +110,25 @@ fn a_sequence_is_resumed_where_it_stopped() {
     fs::remove_file(out.join("params.npz")).expect("an interrupted run");
     let first = fs::metadata(out.join("0000/params.npz")).expect("a frame").modified().expect("a time");
     let resumed = fit(&captures, &out, &["--independent", "--resume"]).done();
-    assert!(resumed.err.contains("2 of 3 captures are done already"), "{}", resumed.err);
+    assert!(resumed.err.contains("2 of 3 captures were done already"), "{}", resumed.err);
     assert_eq!(fs::read(out.join("params.npz")).expect("all frames"), whole, "same bytes as in one go");
     let again = fs::metadata(out.join("0000/params.npz")).expect("a frame").modified().expect("a time");
     assert_eq!(first, again, "a finished frame is left alone");
+
+    // A frame in which nobody is found fails alone, and what an earlier run made of it is not joined.
+    let keypoints = captures.join("0001/keypoints");
+    fs::rename(&keypoints, folder.path().join("kept")).expect("keypoints");
+    let partly = fit(&captures, &out, &["--independent"]);
+    assert!(partly.status == 2 && partly.err.contains("has no keypoints in any view"), "{partly:?}");
+    let mut params = Npz::open(&out.join("params.npz")).expect("parameters");
+    assert_eq!(params.array::<f64>("poses").expect("poses").shape, [2, 72]);
+    fs::rename(folder.path().join("kept"), &keypoints).expect("keypoints");
+    fit(&captures, &out, &["--independent", "--resume"]).done();
+    assert_eq!(fs::read(out.join("params.npz")).expect("all frames"), whole, "mended");
+    fs::write(out.join("0001/params.npz"), "PK").expect("a damaged result");
+    let damaged = fit(&captures, &out, &["--independent", "--resume"]);
+    assert!(damaged.status == 2 && damaged.err.contains("to fit this frame again"), "{damaged:?}");
+    fs::remove_dir_all(out.join("0001")).expect("what it said");
 
     let other = fit(&captures, &out, &["--preset", "ch3", "--independent", "--resume"]);
     assert!(other.status == 2 && other.err.contains("was fitted with other options"), "{other:?}");

@@ -181,7 +181,7 @@ proptest! {
                 faces.extend([[a, b, c], [a, c, d]]);
             }
         }
-        let mut image = vec![0.0; 25];
+        let mut image = [0.0; 25];
         for (i, j, w) in cotangent_laplacian(&vertices, &faces) {
             image[i] += w * dot(slope, add(vertices[j], [1.0; 3]));
         }
