@@ -9,7 +9,6 @@ mod common;
 
 use std::error::Error;
 
-use clap::Parser;
 use vitruvian::synthesis::{Stance, Subject};
 use vitruvian::table;
 use vitruvian_reference::body::BodyModel;
@@ -30,7 +29,7 @@ const METHODS: [&str; 7] =
     ["smplify", "ch3 joints", "joints", "β only", "3-D term", "both terms", "pose too"];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments = Arguments::parse();
+    let arguments = Arguments::of_process();
     let (mut rows, mut series) = (Vec::new(), Vec::new());
     for (name, body) in arguments.bodies()? {
         let people = arguments.each(|index| person(&body, arguments.seed, index));

@@ -1,7 +1,7 @@
 //! Figure 3.5 of Li 2021: how noise on the joints and too large masks move the fit to silhouettes.
 //!
 //! ```text
-//! cargo run --release --example figure_3_5 -- [--body BODY.npz]
+//! cargo run --release --example figure_3_5 -- [--body BODY.npz] [--refine-pose]
 //! ```
 //! People in the A-pose, four known cameras. Above: joints with noise N(0, k²), k = 2 … 5 px, and true masks. Below: exact
 //! joints, and masks dilated by squares of 3, 5, 7, 9 pixels. IoU is taken with the *true* masks. Prints the tables and draws
@@ -25,12 +25,24 @@ use common::silhouettes::{Outcome, fit, masks};
 const NOISE_PX: [usize; 5] = [0, 2, 3, 4, 5];
 const SQUARES_PX: [usize; 5] = [1, 3, 5, 7, 9];
 
+#[derive(clap::Parser)]
+struct Own {
+    #[command(flatten)]
+    arguments: Arguments,
+    /// Our extension as well: the masks move the pose
+    #[arg(long)]
+    refine_pose: bool,
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments = Arguments::parse();
+    let Own { arguments, refine_pose } = Own::parse();
+    let ways: &[_] =
+        if refine_pose { &[("pose fixed", false), ("pose refined", true)] } else { &[("pose fixed", false)] };
     let (mut noisy, mut dilated) = (Vec::new(), Vec::new());
     let mut rows = Vec::new();
     for (name, body) in arguments.bodies()? {
-        for (way, refine_pose) in [("pose fixed", None), ("pose refined", Some(PoseRefinement::default()))] {
+        for &(way, refine) in ways {
+            let refine_pose = refine.then(PoseRefinement::default);
             let options = SilhouetteOptions { refine_pose, ..SilhouetteOptions::default() };
             let mut sweep =
                 |what: &str, levels: [usize; 5], disturb: &(dyn Fn(usize) -> Disturbance + Sync)| {

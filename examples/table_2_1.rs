@@ -11,7 +11,6 @@ mod common;
 
 use std::error::Error;
 
-use clap::Parser;
 use vitruvian::synthesis::{Stance, Subject};
 use vitruvian::table;
 use vitruvian_reference::body::BodyModel;
@@ -33,7 +32,7 @@ const WAYS: [(&str, Preset, Start); 3] = [
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arguments = Arguments::parse();
+    let arguments = Arguments::of_process();
     let mut rows = Vec::new();
     let mut series =
         vec![Series { name: "thesis".into(), points: points(&THESIS.map(|metres| 1000.0 * metres)) }];

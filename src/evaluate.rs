@@ -18,7 +18,8 @@ use crate::table;
 /// Two meshes (.ply, .obj): P2S and completeness in cm, Chamfer-L2 in 10⁻² m², IoU of the volumes.
 /// Two masks (.png), or two folders of masks: IoU.
 /// Two .npz with joints (24 × 3, or F × 24 × 3), or with parameters as `pose` reads them: joint errors in mm, PCK@150 and AUC in %.
-/// A folder that `reconstruct` wrote and its capture, or folders of them: a row per capture, and means.
+/// A folder that `reconstruct` wrote and its capture, or folders of them: a row per capture, and means. A folder that `fit`
+/// wrote and its capture: the joints.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// What is judged
@@ -88,6 +89,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         (Kind::Mesh, Kind::Mesh) => surfaces::evaluate(predicted, truth, &arguments.sampling)?,
         (Kind::Mask, Kind::Mask) => masks::evaluate(predicted, truth)?,
         (Kind::Joints, Kind::Joints) => joints::evaluate(predicted, truth, arguments.body.as_deref())?,
+        (Kind::Folder, Kind::Folder) if predicted.join("joints.npz").is_file() => {
+            let truth = truth.join("body.npz");
+            joints::evaluate(&predicted.join("joints.npz"), &truth, arguments.body.as_deref())?
+        }
         (Kind::Folder, Kind::Folder) if masks::is_folder_of_masks(predicted) => {
             masks::evaluate_folders(predicted, truth)?
         }

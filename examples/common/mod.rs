@@ -12,7 +12,7 @@ use vitruvian::failure::Result;
 use vitruvian_reference::body::BodyModel;
 
 /// The arguments of an experiment.
-#[derive(clap::Parser)]
+#[derive(clap::Args)]
 pub struct Arguments {
     /// A second body (.npz in SMPL's arrays) beside the mannequin
     #[arg(long)]
@@ -29,6 +29,16 @@ pub struct Arguments {
 }
 
 impl Arguments {
+    /// Those that the example was called with, where it has no others.
+    pub fn of_process() -> Arguments {
+        #[derive(clap::Parser)]
+        struct Only {
+            #[command(flatten)]
+            arguments: Arguments,
+        }
+        <Only as clap::Parser>::parse().arguments
+    }
+
     /// The mannequin, and the second body under its file's name.
     pub fn bodies(&self) -> Result<Vec<(String, BodyModel)>> {
         let mut bodies = vec![("mannequin".to_owned(), body::load(None)?)];

@@ -100,9 +100,9 @@ impl Fitted {
             Verdict::Success => self.distrust_of_masks(observed),
             Verdict::ViewsDisagree { views } => {
                 let names: Vec<&str> = views.iter().map(|&view| observed.name(view)).collect();
-                let worst = views.iter().map(|&v| self.joints.views[v].median_px).fold(0.0, f64::max);
+                let worst = views.iter().map(|&v| self.joints.views[v].max_px).fold(0.0, f64::max);
                 Some(format!(
-                    "camera {}: no body of this shape lies on the keypoints of all views (median error {worst:.1} px): are they of the \
+                    "camera {}: no body of this shape lies on the keypoints of all views (errors up to {worst:.0} px): are they of the \
                      same person and moment, left and right as on the person, and the cameras right?",
                     names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
                 ))
@@ -137,7 +137,10 @@ impl Fitted {
             let far: Vec<String> = marks::of_view(observed, self, settings.body, view)
                 .iter()
                 .filter_map(|mark| Some((mark.name, mark.distance_px().filter(|px| *px > far_px)?)))
-                .map(|(name, px)| format!("{name} ({px:.0} px)"))
+                .map(|(name, px)| match px {
+                    px if px < 1e5 => format!("{name} ({px:.0} px)"),
+                    px => format!("{name} ({px:.0e} px)"),
+                })
                 .collect();
             (!far.is_empty()).then(|| {
                 format!(

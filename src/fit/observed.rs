@@ -43,6 +43,9 @@ impl Observed {
         let views = capture.views.iter().map(|view| {
             let name = &view.camera.name;
             let mut camera = view.camera.clone();
+            if camera.k[0][1].abs() < LEAST_SKEW_PX {
+                camera.k[0][1] = 0.0;
+            }
             if extrinsics == Extrinsics::Unknown {
                 camera.extrinsics = Some(NOWHERE);
             }
@@ -76,6 +79,9 @@ impl Observed {
         &self.capture.views[index].camera.name
     }
 }
+
+/// Less skew than this moves no pixel by a hundredth: a calibration's rounding.
+const LEAST_SKEW_PX: f64 = 0.01;
 
 /// Stands in for the extrinsics of a camera that has none, or whose own are not to be used.
 const NOWHERE: vitruvian_runtime::capture::Extrinsics = vitruvian_runtime::capture::Extrinsics {

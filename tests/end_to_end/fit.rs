@@ -27,8 +27,7 @@ fn fit(capture: &Path, out: &Path, more: &[&str]) -> Outcome {
 
 /// The mean distance of the joints in `out` from the capture's, millimetres; after alignment where `aligned`.
 fn joint_error_mm(out: &Path, capture: &Path, aligned: bool) -> f64 {
-    let (found, truth) = (out.join("joints.npz"), capture.join("body.npz"));
-    let judged = vitruvian(&["evaluate", word(&found), word(&truth), "--json"]).done().json();
+    let judged = vitruvian(&["evaluate", word(out), word(capture), "--json"]).done().json();
     judged["measures"][if aligned { "pa_mpjpe_mm" } else { "error_mm" }].as_f64().expect("a number")
 }
 

@@ -1,6 +1,5 @@
 //! The fit of chapter 2: start, stages, polish, verdict.
 
-use super::coherence::coherence;
 use super::energy::{BendTerm, Energy};
 use super::figure::Figure;
 use super::keypoint_residuals::{Detection, KeypointResiduals};
@@ -449,8 +448,9 @@ impl Run<'_> {
                 self.figure,
                 &self.fitter.hinges,
                 &parameters,
+                self.detections,
+                &errors,
                 &views,
-                coherence(self.figure, self.detections, &errors),
                 termination,
             ),
             energy: last.map_or(f64::NAN, |s| s.energy),

@@ -48,7 +48,7 @@ pub fn pose_stage(
         reverted: false,
     };
     let before = (state.pose.clone(), state.betas.clone(), state.trans, scene.cameras().to_vec());
-    let mut overlap_before = None;
+    let vertices_before = state.vertices();
     let mut mask_bias_px = 0.0;
     for round in 0..options.rounds {
         let last = round + 1 == options.rounds;
@@ -61,7 +61,6 @@ pub fn pose_stage(
         let reach_m = options.reach_m[0] * (options.reach_m[1] / options.reach_m[0]).powf(progress);
         let reach_px = reaches_px(scene.cameras(), state.joints()[0], reach_m);
         let seen = scene.see(&state.vertices());
-        overlap_before.get_or_insert_with(|| seen.iou.iter().sum::<f64>());
         let pairs = scene.outline_pairs(&seen, &reach_px);
         let sigmas = Sigmas {
             contour_px: options.contour_sigma_px,
@@ -96,13 +95,17 @@ pub fn pose_stage(
         }
     }
     report.iou = scene.iou(&state.vertices());
-    if overlap_before.is_some_and(|overlap| report.iou.iter().sum::<f64>() < overlap) {
-        let (pose, betas, trans, cameras) = before;
+    let found_cameras = scene.cameras().to_vec();
+    let overlap = scene.unbiased_overlap(&state.vertices(), mask_bias_px);
+    let (pose, betas, trans, cameras) = before;
+    scene.set_cameras(cameras);
+    if overlap < scene.unbiased_overlap(&vertices_before, mask_bias_px) {
         (state.pose, state.betas, state.trans) = (pose, betas, trans);
-        scene.set_cameras(cameras);
         mask_bias_px = 0.0;
         report.reverted = true;
-        report.iou = scene.iou(&state.vertices());
+        report.iou = scene.iou(&vertices_before);
+    } else {
+        scene.set_cameras(found_cameras);
     }
     (report, mask_bias_px)
 }

@@ -10,6 +10,7 @@ use crate::camera::Pinhole;
 use crate::linalg::vector::Vector3;
 use crate::metric::silhouette::mask_iou;
 use crate::silhouette::Mask;
+use crate::silhouette::dilation::{StructuringElement, dilate, erode};
 use crate::silhouette::outline::{OutlineEdge, outline};
 use crate::silhouette::raster::Raster;
 use crate::surface::edges::{Edge, edges};
@@ -86,6 +87,17 @@ impl<'a> Scene<'a> {
     pub fn iou(&self, vertices: &[Vector3]) -> Vec<f64> {
         let pairs = self.rasters(vertices).zip(self.masks);
         pairs.map(|(raster, mask)| mask_iou(&raster.mask.inside, &mask.inside).unwrap_or(0.0)).collect()
+    }
+
+    /// The sum over the views of the overlap of the rendered body and its mask without the `bias_px` pixels, to whole ones, that
+    /// the mask is too large all round.
+    pub fn unbiased_overlap(&self, vertices: &[Vector3], bias_px: f64) -> f64 {
+        let square = StructuringElement::Square { size: 2 * bias_px.abs().round() as usize + 1 };
+        let corrected = |mask: &Mask| if bias_px > 0.0 { erode(mask, square) } else { dilate(mask, square) };
+        let pairs = self.rasters(vertices).zip(self.masks);
+        pairs
+            .map(|(raster, mask)| mask_iou(&raster.mask.inside, &corrected(mask).inside).unwrap_or(0.0))
+            .sum()
     }
 
     /// Overlaps and outlines of the body.
