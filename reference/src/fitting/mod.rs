@@ -15,7 +15,7 @@
 //! The energy: [`figure`] (the body's points and how they move), [`layout`] (the vector of unknowns),
 //! [`keypoint_residuals`] (E_J; [`robust_loss`](crate::robust_loss) is ρ), [`prior`] (E_θ and others), [`energy`] (all stacked).
 //!
-//! The way down: [`start`] with its geometry ([`camera_init`], [`triangulation`], [`relative_pose`], [`resection`],
+//! The way down: [`start`] with its geometry ([`camera_init`], [`triangulation`], [`relative_pose`], [`eight_point`], [`resection`],
 //! [`inverse_kinematics`]); [`multiview_smplify`] runs the stages; [`polish`] ends them by empirical Bayes.
 //!
 //! # References
@@ -23,6 +23,7 @@
 
 pub mod camera_init;
 pub mod coherence;
+pub mod eight_point;
 pub mod energy;
 pub mod figure;
 pub mod inverse_kinematics;

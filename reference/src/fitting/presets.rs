@@ -162,7 +162,7 @@ impl Preset {
             Preset::EmpiricalBayes => Options {
                 stages: Vec::new(),
                 translations: Translations::Free,
-                polish: Some(Polish { max_iterations: 100 }),
+                polish: Some(Polish { max_iterations: 400 }),
                 ..thesis
             },
         }

@@ -1,14 +1,21 @@
 //! Two cameras from what both saw: rotation and direction of translation between them.
 //!
 //! A point at x_a in one camera and x_b in the other (normalised, depth 1) satisfies Longuet-Higgins' x_bᵀ \[t\]× R x_a = 0
-//! for X_b = R X_a + t. The direct solution by eight points fails where the points lie near a plane, and a person with
-//! spread arms does. So the five unknowns are found by descent on Sampson's error from a search over yaw: cameras around a
-//! person stand at about one height and look at them, so that yaw and the person's place in both pictures fix R and t
-//! roughly. What a plane leaves ambiguous comes out as two minima, both of which are reported.
+//! for X_b = R X_a + t. The five unknowns are found by descent on Sampson's error from three kinds of starts, each of which
+//! does what the others cannot:
+//!
+//! - a search over yaw: cameras around a person mostly stand upright at about one height and look at them, so that yaw and
+//!   the person's place in both pictures fix R and t roughly;
+//! - the most promising of a search over yaw and the quarter turns of both pictures, for rolled cameras;
+//! - the direct solution by [eight points](eight_point), for any cameras at all, unless outliers decide or the points lie near
+//!   a plane, as those of a person with spread arms do.
+//!
+//! What a plane leaves ambiguous comes out as two minima, both of which are reported.
 //!
 //! # References
 //! Longuet-Higgins 1981; Sampson 1982; Hartley, Zisserman, "Multiple View Geometry in Computer Vision", ch. 9 and 11.
 
+use super::eight_point::eight_point;
 use crate::linalg::cholesky::Cholesky;
 use crate::linalg::dense::Dense;
 use crate::linalg::matrix::{Matrix3, apply, mul, transpose};
@@ -46,6 +53,8 @@ pub const LEAST_MATCHES: usize = 6;
 const SIGMA: f64 = 0.02;
 /// Starts of the search over yaw.
 const YAWS: usize = 12;
+/// Rolled starts from which to descend: those of least error.
+const ROLLED: usize = 8;
 const MAX_ITERATIONS: usize = 12;
 /// Points that spread less than this, in units of the focal length, are one.
 const LEAST_SIZE: f64 = 1e-4;
@@ -58,8 +67,7 @@ pub fn relative_poses(matches: &[Match], limit: usize) -> Vec<RelativePose> {
         return Vec::new();
     }
     let mut found: Vec<RelativePose> = Vec::new();
-    for n in 1..YAWS {
-        let Some(start) = looking_at_the_same(matches, TAU * n as f64 / YAWS as f64) else { continue };
+    for start in starts(matches) {
         let pose = in_front(matches, descend(matches, start));
         let same = |other: &&mut RelativePose| {
             angle_between(&other.rotation, &pose.rotation) < SAME_RAD
@@ -92,22 +100,68 @@ pub fn depths(pose: &RelativePose, m: &Match) -> Option<[f64; 2]> {
     Some([(ab * bt - bb * at) / determinant, (aa * bt - ab * at) / determinant])
 }
 
-/// Both cameras upright, `yaw` apart, with the middle of the points where both see it; distances are inverse to the size of
-/// what they see.
-fn looking_at_the_same(matches: &[Match], yaw: f64) -> Option<RelativePose> {
-    let total: f64 = matches.iter().map(|m| m.weight).sum();
-    let middle = |of: fn(&Match) -> [f64; 2]| -> [f64; 2] {
-        std::array::from_fn(|i| matches.iter().map(|m| m.weight * of(m)[i]).sum::<f64>() / total)
+/// Upright cameras, the best rolled ones, and the solution by eight points.
+fn starts(matches: &[Match]) -> Vec<RelativePose> {
+    let (a, b) = (Extent::of(matches, |m| m.a), Extent::of(matches, |m| m.b));
+    let yaw = |n: usize| rodrigues([0.0, TAU * n as f64 / YAWS as f64, 0.0]);
+    let mut starts: Vec<RelativePose> = (1..YAWS)
+        .filter_map(|n| looking_at_the_same(yaw(n), (a.middle, a.size[1]), (b.middle, b.size[1])))
+        .collect();
+
+    // Quarter turns, written out so that they are free of rounding.
+    let roll = |n: usize| {
+        let [cos, sin] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]][n];
+        [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]
     };
-    let (a, b) = (middle(|m| m.a), middle(|m| m.b));
-    let spread = |of: fn(&Match) -> [f64; 2], mean: [f64; 2]| {
-        (matches.iter().map(|m| m.weight * (of(m)[1] - mean[1]).powi(2)).sum::<f64>() / total).sqrt()
-    };
-    let (size_a, size_b) = (spread(|m| m.a, a), spread(|m| m.b, b));
+    let (size_a, size_b) = (a.size[0].hypot(a.size[1]), b.size[0].hypot(b.size[1]));
+    let mut rolled: Vec<RelativePose> = (0..16 * YAWS)
+        .filter_map(|n| {
+            let rotation = mul(&roll(n % 4), &mul(&yaw(n / 16), &roll(n / 4 % 4)));
+            let start = looking_at_the_same(rotation, (a.middle, size_a), (b.middle, size_b))?;
+            let error = total_error(&start.rotation, start.translation, matches);
+            Some(RelativePose { error, ..start })
+        })
+        .collect();
+    rolled.sort_by(|p, q| p.error.total_cmp(&q.error));
+    rolled.truncate(ROLLED);
+    starts.extend(rolled);
+
+    let direct = eight_point(matches);
+    starts.extend(direct.map(|(rotation, translation)| RelativePose {
+        rotation,
+        translation,
+        error: f64::INFINITY,
+    }));
+    starts
+}
+
+/// Where points are in a picture, and how far they spread across and down.
+struct Extent {
+    middle: [f64; 2],
+    size: [f64; 2],
+}
+
+impl Extent {
+    fn of(matches: &[Match], at: fn(&Match) -> [f64; 2]) -> Extent {
+        let total: f64 = matches.iter().map(|m| m.weight).sum();
+        let middle: [f64; 2] =
+            std::array::from_fn(|i| matches.iter().map(|m| m.weight * at(m)[i]).sum::<f64>() / total);
+        let square =
+            |i: usize| matches.iter().map(|m| m.weight * (at(m)[i] - middle[i]).powi(2)).sum::<f64>();
+        Extent { middle, size: std::array::from_fn(|i| (square(i) / total).sqrt()) }
+    }
+}
+
+/// Cameras turned against each other, with the middle of the points where both see it (`middle`, `size`); distances are
+/// inverse to the size.
+fn looking_at_the_same(
+    rotation: Matrix3,
+    (a, size_a): ([f64; 2], f64),
+    (b, size_b): ([f64; 2], f64),
+) -> Option<RelativePose> {
     if size_a.is_nan() || size_b.is_nan() || size_a < LEAST_SIZE || size_b < LEAST_SIZE {
         return None;
     }
-    let rotation = rodrigues([0.0, yaw, 0.0]);
     let at = |[x, y]: [f64; 2], size: f64| scale([x, y, 1.0], 1.0 / size);
     let translation = sub(at(b, size_b), apply(&rotation, at(a, size_a)));
     (norm(translation) > 0.0).then(|| RelativePose {
