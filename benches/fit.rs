@@ -1,4 +1,5 @@
-//! What a fit costs, on one thread: chapter 2 with four views, cameras known and unknown; posing a body.
+//! What a fit costs, on one thread: chapter 2 with four views, cameras known and unknown; chapter 3 with four masks of
+//! 320×240; posing a body.
 //!
 //! ```text
 //! cargo bench --bench fit                               the mannequin
@@ -9,12 +10,17 @@
 
 use std::hint::black_box;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use vitruvian::body;
+use vitruvian::synthesis::subject::{HEIGHT, WIDTH};
 use vitruvian::synthesis::{Stance, Subject};
 use vitruvian_reference::fitting::multiview_smplify::MultiviewSmplify;
+use vitruvian_reference::fitting::silhouette::{PoseRefinement, SilhouetteOptions, fit_silhouettes};
 use vitruvian_reference::fitting::{Extrinsics, Options};
+use vitruvian_reference::silhouette::Mask;
+use vitruvian_reference::silhouette::raster::Raster;
 
 /// People of the benches; their noise is that of a good detector.
 const PEOPLE: u64 = 20;
@@ -39,6 +45,33 @@ fn fits(criterion: &mut Criterion) {
             });
         }
     }
+    let masks = |person: &Subject| -> Vec<Mask> {
+        let (width, height) = (WIDTH as usize, HEIGHT as usize);
+        let seen = |camera| Raster::of(&person.posed.vertices, &body.faces, camera, width, height).mask;
+        person.cameras.iter().map(seen).collect()
+    };
+    let given: Vec<_> = people
+        .iter()
+        .map(|person| {
+            let observation = person.observation(NOISE_PX, Extrinsics::Known);
+            let start = fitter.fit(&observation, &Options::default(), None).expect("24 joints in every view");
+            (observation, start.parameters, masks(person))
+        })
+        .collect();
+    let mut group = criterion.benchmark_group("silhouettes, 4 views");
+    group.sample_size(20).measurement_time(Duration::from_secs(20));
+    for (name, refine_pose) in [("pose fixed", None), ("pose refined", Some(PoseRefinement::default()))] {
+        let options = SilhouetteOptions { refine_pose, ..SilhouetteOptions::default() };
+        let mut next = given.iter().cycle();
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let (observation, start, masks) = next.next().expect("a cycle has no end");
+                black_box(fit_silhouettes(&body, start, masks, Some(observation), &options))
+            });
+        });
+    }
+    group.finish();
+
     let mut next = people.iter().cycle();
     criterion.bench_function("reference pose, one frame", |b| {
         b.iter(|| {

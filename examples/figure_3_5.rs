@@ -19,7 +19,7 @@ use vitruvian_reference::fitting::silhouette::{PoseRefinement, SilhouetteOptions
 use vitruvian_reference::silhouette::dilation::{StructuringElement, dilate};
 
 use common::Arguments;
-use common::chart::{self, Series};
+use common::chart::{self, Scale, Series};
 use common::silhouettes::{Outcome, fit, masks};
 
 const NOISE_PX: [usize; 5] = [0, 2, 3, 4, 5];
@@ -62,7 +62,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     table::say(&table::aligned(&Outcome::head(["body", "way", "disturbance"]), &rows));
     std::fs::create_dir_all(&arguments.out)?;
     let draw = |file: &str, title: &str, x: &str, series: &[Series]| {
-        chart::lines(&arguments.out.join(file), title, [x, "mean IoU with the true masks"], series)
+        chart::lines(
+            &arguments.out.join(file),
+            title,
+            [x, "mean IoU with the true masks"],
+            Scale::Linear,
+            series,
+        )
     };
     draw("figure_3_5_noise.svg", "Figure 3.5: noise on the joints", "k, pixels", &noisy)?;
     draw("figure_3_5_dilation.svg", "Figure 3.5: dilated masks", "side of the square, pixels", &dilated)

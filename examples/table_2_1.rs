@@ -18,7 +18,7 @@ use vitruvian_reference::fitting::multiview_smplify::MultiviewSmplify;
 use vitruvian_reference::fitting::{Extrinsics, Preset, Start};
 use vitruvian_reference::metric::joints::pa_mpjpe;
 
-use common::chart::{self, Series};
+use common::chart::{self, Scale, Series};
 use common::{Arguments, mean_and_worst};
 
 /// Metres, as printed: SMPLify with one view, then ours with 2, 3, 4.
@@ -63,7 +63,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     table::say(&table::aligned(&head, &rows));
     std::fs::create_dir_all(&arguments.out)?;
     let path = arguments.out.join("table_2_1.svg");
-    chart::lines(&path, "Table 2.1: error of joints", ["views", "mean error, mm"], &series)
+    chart::lines(
+        &path,
+        "Table 2.1: error of joints",
+        ["views", "mean error, mm"],
+        Scale::Logarithmic(1e-4),
+        &series,
+    )
 }
 
 /// The error after alignment of person `index` fitted with the first `views` of four cameras.

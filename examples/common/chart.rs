@@ -9,14 +9,17 @@ use plotters::prelude::*;
 const SIZE: (u32, u32) = (720, 440);
 
 /// Colours that are told apart by most eyes (Okabe and Ito 2008).
-const COLOURS: [RGBColor; 6] = [
+const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(0, 0, 0),
     RGBColor(120, 120, 120),
 ];
+const FRAME: RGBColor = COLOURS[7];
 
 /// A named row of points.
 pub struct Series {
@@ -24,12 +27,48 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Draws `series` as lines with marked points; the vertical axis begins at 0.
-pub fn lines(path: &Path, title: &str, [x, y]: [&str; 2], series: &[Series]) -> Result<(), Box<dyn Error>> {
+/// The vertical axis of a chart of lines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scale {
+    /// From 0.
+    Linear,
+    /// In powers of ten from this value, at which smaller ones are drawn.
+    Logarithmic(f64),
+}
+
+impl Scale {
+    fn height(self, value: f64) -> f64 {
+        match self {
+            Scale::Linear => value,
+            Scale::Logarithmic(least) => value.max(least).log10(),
+        }
+    }
+
+    fn label(self, height: f64) -> String {
+        match self {
+            Scale::Linear => format!("{height:.2}"),
+            Scale::Logarithmic(_) => format!("{}", 10f64.powf(height)),
+        }
+    }
+}
+
+/// Draws `series` as lines with marked points.
+pub fn lines(
+    path: &Path,
+    title: &str,
+    [x, y]: [&str; 2],
+    scale: Scale,
+    series: &[Series],
+) -> Result<(), Box<dyn Error>> {
+    assert!(series.len() < COLOURS.len(), "a chart of {} series has no colours for all", series.len());
     let points = || series.iter().flat_map(|s| &s.points);
     let low = points().map(|p| p.0).fold(f64::INFINITY, f64::min);
     let high = points().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
-    let top = 1.1 * points().map(|p| p.1).fold(0.0, f64::max);
+    let highest = points().map(|p| scale.height(p.1)).fold(f64::NEG_INFINITY, f64::max);
+    let (bottom, top) = match scale {
+        Scale::Linear => (0.0, 1.1 * highest),
+        Scale::Logarithmic(least) => (least.log10(), highest.ceil()),
+    };
     let area = SVGBackend::new(path, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
     let margin = 0.05 * (high - low);
@@ -38,7 +77,7 @@ pub fn lines(path: &Path, title: &str, [x, y]: [&str; 2], series: &[Series]) -> 
         .margin(12)
         .x_label_area_size(44)
         .y_label_area_size(64)
-        .build_cartesian_2d(low - margin..high + margin, 0.0..top)?;
+        .build_cartesian_2d(low - margin..high + margin, bottom..top)?;
     let whole = (high - low).round() as usize + 1;
     chart
         .configure_mesh()
@@ -46,15 +85,20 @@ pub fn lines(path: &Path, title: &str, [x, y]: [&str; 2], series: &[Series]) -> 
         .y_desc(y)
         .x_labels(whole.clamp(2, 10))
         .x_label_formatter(&|v| format!("{v:.0}"))
+        .y_labels(if scale == Scale::Linear { 10 } else { (top - bottom).round() as usize + 1 })
+        .y_label_formatter(&|v| scale.label(*v))
         .light_line_style(WHITE)
         .draw()?;
     for (one, colour) in series.iter().zip(COLOURS) {
         chart
-            .draw_series(LineSeries::new(one.points.iter().copied(), colour.stroke_width(2)).point_size(4))?
+            .draw_series(
+                LineSeries::new(one.points.iter().map(|p| (p.0, scale.height(p.1))), colour.stroke_width(2))
+                    .point_size(4),
+            )?
             .label(&one.name)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(COLOURS[5]).draw()?;
+    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(FRAME).draw()?;
     area.present()?;
     Ok(())
 }
@@ -105,7 +149,7 @@ pub fn bars(
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperLeft)
         .background_style(WHITE.mix(0.8))
-        .border_style(COLOURS[5])
+        .border_style(FRAME)
         .draw()?;
     area.present()?;
     Ok(())
