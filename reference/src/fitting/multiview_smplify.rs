@@ -10,7 +10,7 @@ use super::polish::{Case, Model, Polished, polish};
 use super::presets::{Options, PosePrior, Stage, Start, Translations};
 use super::result::{Fit, Parameters, StageReport, Verdict};
 use super::start::Evidence;
-use super::verdict::{verdict, view_residuals};
+use super::verdict::{given_up, sizes_px, verdict, view_residuals};
 use crate::body::{BodyModel, Hinge, Skeleton};
 use crate::least_squares::{Dogleg, Problem, Solution, Termination};
 use crate::linalg::matrix::IDENTITY;
@@ -323,7 +323,8 @@ impl Run<'_> {
     /// The best of several starts, after a short descent from each under the polishing stage's model.
     ///
     /// To compare them their energies are taken under one model: the least noise that any of them found. The search ends when
-    /// a descent meets the marks exactly, or when two descents from different starts meet at the best energy so far.
+    /// a descent meets the marks exactly, or when two descents from different starts meet at the best energy so far, unless the
+    /// best has given up a limb: an arm that lies wrong in two views looks like six outliers.
     fn choose(&self, starts: Vec<Parameters>) -> Option<Chosen> {
         let mut starts: Vec<(Parameters, f64)> = starts
             .into_iter()
@@ -350,14 +351,22 @@ impl Run<'_> {
                 residuals.map_or(f64::INFINITY, |r| r.iter().map(|r| r * r).sum())
             };
             energies = trials.iter().map(energy).collect();
-            let best = energies.iter().copied().fold(f64::INFINITY, f64::min);
-            let together = energies.iter().filter(|&&e| e <= (1.0 + SAME_ENERGY) * best).count();
-            if least < EXACT_PX || together > 1 {
+            let (best, &energy) = energies.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
+            let together = energies.iter().filter(|&&e| e <= (1.0 + SAME_ENERGY) * energy).count();
+            if (least < EXACT_PX || together > 1) && self.holds_every_limb(&layout, &trials[best]) {
                 break;
             }
         }
         let ((start, trial), _) = trials.into_iter().zip(energies).min_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(Chosen { start, trial: Some(trial) })
+    }
+
+    /// Whether every keypoint is met in some view.
+    fn holds_every_limb(&self, layout: &Layout, (start, trial): &(Parameters, Polished)) -> bool {
+        let found = layout.unpack(&trial.solution.x, start);
+        let errors = self.keypoints(self.options.sigma_px).errors(&found);
+        let sizes_px = sizes_px(self.figure, &found);
+        errors.is_some_and(|errors| given_up(self.detections, &errors, &sizes_px).is_empty())
     }
 
     /// Stages and polish from a start to the answer.

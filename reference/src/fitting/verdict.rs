@@ -63,7 +63,7 @@ pub fn view_residuals(detections: &[Detection], errors: &[[f64; 2]], views: usiz
 
 /// The size of the body in each picture: the diagonal of the box around its keypoints, pixels; 0 for a view that does not see
 /// them.
-fn sizes_px(figure: &Figure, parameters: &Parameters) -> Vec<f64> {
+pub fn sizes_px(figure: &Figure, parameters: &Parameters) -> Vec<f64> {
     let points = figure.points(&parameters.pose, &parameters.betas);
     parameters
         .cameras
@@ -85,7 +85,7 @@ fn sizes_px(figure: &Figure, parameters: &Parameters) -> Vec<f64> {
 }
 
 /// The views, two at least, that all show one keypoint far from the body: a limb that the robust loss gave up.
-fn given_up(detections: &[Detection], errors: &[[f64; 2]], sizes_px: &[f64]) -> Vec<usize> {
+pub fn given_up(detections: &[Detection], errors: &[[f64; 2]], sizes_px: &[f64]) -> Vec<usize> {
     let keypoints = detections.iter().map(|d| d.keypoint + 1).max().unwrap_or(0);
     let mut views = Vec::new();
     for keypoint in 0..keypoints {
