@@ -16,13 +16,15 @@
 //! [`keypoint_residuals`] (E_J; [`robust_loss`](crate::robust_loss) is ρ), [`prior`] (E_θ and others), [`energy`] (all stacked).
 //!
 //! The way down: [`start`] with its geometry ([`camera_init`], [`triangulation`], [`relative_pose`], [`eight_point`], [`resection`],
-//! [`inverse_kinematics`]); [`multiview_smplify`] runs the stages; [`polish`] ends them by empirical Bayes.
+//! [`inverse_kinematics`]); [`multiview_smplify`] runs the stages; [`polish`] ends them by empirical Bayes,
+//! from [`depth_flip`]s too where exact marks are nearly met.
 //!
 //! # References
 //! Li 2021, ch. 2 and ch. 3 §3.2; Bogo, Kanazawa, Lassner, Gehler, Romero, Black 2016, "Keep it SMPL".
 
 pub mod camera_init;
 pub mod coherence;
+pub mod depth_flip;
 pub mod eight_point;
 pub mod energy;
 pub mod figure;

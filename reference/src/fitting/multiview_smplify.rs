@@ -1,5 +1,6 @@
 //! The fit of chapter 2: start, stages, polish, verdict.
 
+use super::depth_flip::depth_flips;
 use super::energy::{BendTerm, Energy};
 use super::figure::Figure;
 use super::keypoint_residuals::{Detection, KeypointResiduals};
@@ -27,6 +28,10 @@ const HARDLY: f64 = 0.4;
 const SAME_ENERGY: f64 = 0.005;
 /// Marks that are met to this noise are met exactly, and no other start can do better, pixels.
 const EXACT_PX: f64 = 0.02;
+/// Noise between these two is less than any detector's and more than rounding: exact marks, and a minimum beside the answer.
+const NEARLY_EXACT_PX: f64 = 0.1;
+/// Accepted steps from each of the starts that are tried then.
+const RETRY_ITERATIONS: usize = 40;
 /// Noise that is believed at first is the median error of the start times this, within these bounds, pixels.
 const NOISE_OF_MEDIAN: f64 = 1.5;
 const FIRST_NOISE_PX: [f64; 2] = [0.5, 50.0];
@@ -393,6 +398,22 @@ impl Run<'_> {
             };
             let case = self.case(&layout, &at, &detections);
             let mut polished = polish(&case, first, &layout.pack(&at), limits.max_iterations);
+            // Of three views not all rays are parallel.
+            let nearly_exact =
+                polished.model.noise_px > EXACT_PX && polished.model.noise_px < NEARLY_EXACT_PX;
+            if nearly_exact && self.observation.views.len() == 2 {
+                let ended = layout.unpack(&polished.solution.x, &at);
+                let (model, most) = (polished.model, limits.max_iterations);
+                let other = depth_flips(&self.fitter.skeleton, &ended).into_iter().find_map(|start| {
+                    let other = polish(&case, model, &layout.pack(&start), most.min(RETRY_ITERATIONS));
+                    (other.model.noise_px < EXACT_PX).then_some(other)
+                });
+                if let Some(mut other) = other {
+                    other.solution.iterations += polished.solution.iterations;
+                    other.solution.evaluations += polished.solution.evaluations;
+                    polished = other;
+                }
+            }
             polished.solution.iterations += gone[0];
             polished.solution.evaluations += gone[1];
             noise_px = Some(polished.model.noise_px);
