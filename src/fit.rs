@@ -28,8 +28,7 @@ use crate::{body, progress};
 /// Writes params.npz (poses, betas, trans, cameras), body.ply, joints.npz, report.json and overlay_NAME.png into OUT. A
 /// folder of captures is a sequence of one person: each frame starts from the one before, results go to a folder for each,
 /// and all frames together to OUT/params.npz, joints.npz and report.json (offsets, and cameras that were found, stay with
-/// their frames). Exit status 1: a body was found and written, but
-/// the report says why it is not to be trusted.
+/// their frames). Exit status 1: a body was found and written, but the report says why it is not to be trusted.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Capture (a folder with cameras.json and keypoints/, or masks/ as well), or a folder of captures
@@ -54,12 +53,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = Settings::new(&arguments.choices, &body)?;
     let jobs = captures::jobs(&arguments.capture, &arguments.out)?;
     let is_sequence = captures::is_sequence(&arguments.capture, &jobs);
-    // What is wrong with the files is said before the first fit; a sequence may have bad frames, but not only such.
-    let mut faults = jobs.iter().filter_map(|job| Observed::read(&job.capture, &settings).err());
-    if !is_sequence || jobs.iter().all(|job| Observed::read(&job.capture, &settings).is_err()) {
-        faults.next().map_or(Ok(()), Err)?;
-    }
-
     let bar = progress::bar("fit", jobs.len() as u64);
     let (mut failures, mut placed, mut resumed) = (Vec::new(), Vec::new(), 0);
     let mut before = None;
@@ -74,21 +67,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             continue;
         }
         let warn = |words: &str| bar.suspend(|| eprintln!("warning: {words}"));
-        match one(capture, out, &settings, start.as_ref(), &warn) {
+        let failure = match one(capture, out, &settings, start.as_ref(), &warn) {
             Ok((fitted, why)) => {
                 placed.push(job);
-                match why {
-                    None => {
-                        bar.suspend(|| eprintln!("{}: {}", out.display(), fitted.words()));
-                        before = Some(fitted.parameters);
-                    }
-                    Some(why) => failures.push(Failure::Negative(format!("{}: {why}", capture.display()))),
+                if why.is_none() {
+                    bar.suspend(|| eprintln!("{}: {}", out.display(), fitted.words()));
+                    before = Some(fitted.parameters);
                 }
+                why.map(|why| Failure::Negative(format!("{}: {why}", capture.display())))
             }
-            Err(failure) => failures.push(failure),
-        }
-        if let Some(failure) = failures.last().filter(|_| is_sequence && before.is_none()) {
-            bar.suspend(|| eprintln!("error: {failure}"));
+            Err(failure) => Some(failure),
+        };
+        if let Some(failure) = failure {
+            if is_sequence {
+                bar.suspend(|| eprintln!("error: {failure}"));
+            }
+            failures.push(failure);
         }
         bar.inc(1);
     }
