@@ -1,13 +1,17 @@
-//! Rotations of ℝ³: axis–angle vectors, matrices, and the six numbers that networks regress.
+//! Rotations of ℝ³: axis–angle vectors, matrices, the six numbers that networks regress, and means.
 //!
 //! An *axis–angle* vector v stands for the rotation by ‖v‖ radians about v, counter-clockwise seen from the
 //! tip of v. Matrices act on columns: x ↦ R x.
 
-use crate::linalg::matrix::{
-    IDENTITY, Matrix3, add, apply, column, from_columns, mul, scaled, sub, trace, transpose,
-};
-use crate::linalg::vector::{Vector3, add_scaled, cross, dot, norm, norm_squared, normalize, scale};
+use crate::linalg::matrix::{IDENTITY, Matrix3, add, apply, column, mul, scaled, sub, trace, transpose};
+use crate::linalg::vector::{Vector3, dot, norm, normalize, scale};
 use std::f64::consts::PI;
+
+mod mean;
+mod six_d;
+
+pub use mean::{arithmetic_mean, mean};
+pub use six_d::{from_six_d, to_six_d};
 
 /// Below this angle (radians) the coefficients of the exponential are taken from their Taylor series.
 ///
@@ -126,34 +130,6 @@ pub fn rodrigues_derivative(axis_angle: Vector3) -> [Matrix3; 3] {
     std::array::from_fn(|i| mul(&skew(column(&j, i)), &r))
 }
 
-/// The rotation matrix of the continuous six-number representation, by Gram–Schmidt.
-///
-/// With a₁ = (x₀, x₂, x₄) and a₂ = (x₁, x₃, x₅), that is, x = the first two *columns* of R laid out row by row
-/// (a 3×2 array): b₁ = a₁/‖a₁‖, b₂ = (a₂ − (b₁·a₂) b₁)/‖…‖, b₃ = b₁ × b₂, R = \[b₁ b₂ b₃\].
-///
-/// # Panics
-/// If a₁ is zero or a₂ is parallel to it: no rotation is meant by such numbers.
-///
-/// # References
-/// Zhou, Barnes, Lu, Yang, Li 2019, "On the Continuity of Rotation Representations in Neural Networks"; the 3×2
-/// row-by-row layout is the one of the regressors that Li 2021, ch. 4 builds on.
-pub fn from_six_d(x: &[f64; 6]) -> Matrix3 {
-    let (a1, a2) = ([x[0], x[2], x[4]], [x[1], x[3], x[5]]);
-    let b1 = normalize(a1);
-    let rejected = add_scaled(a2, b1, -dot(b1, a2));
-    assert!(
-        norm_squared(rejected) > 1e-24 * norm_squared(a2),
-        "from_six_d: the columns {a1:?} and {a2:?} are parallel"
-    );
-    let b2 = normalize(rejected);
-    from_columns(b1, b2, cross(b1, b2))
-}
-
-/// The six numbers of a rotation matrix: its first two columns, row by row; the inverse of [`from_six_d`].
-pub fn to_six_d(r: &Matrix3) -> [f64; 6] {
-    [r[0][0], r[0][1], r[1][0], r[1][1], r[2][0], r[2][1]]
-}
-
 /// The angle (radians, 0…π) between two rotations: ‖log(Aᵀ B)‖.
 pub fn angle_between(a: &Matrix3, b: &Matrix3) -> f64 {
     norm(logarithm(&mul(&transpose(a), b)))
@@ -168,7 +144,7 @@ pub fn rotate(axis_angle: Vector3, p: Vector3) -> Vector3 {
 mod tests {
     use super::*;
     use crate::linalg::matrix::max_abs;
-    use crate::linalg::vector::{add as plus, distance};
+    use crate::linalg::vector::{add as plus, add_scaled, distance};
 
     fn assert_close(a: &Matrix3, b: &Matrix3, bound: f64) {
         assert!(max_abs(&sub(a, b)) <= bound, "{a:?}\nagainst {b:?}");
@@ -183,28 +159,6 @@ mod tests {
             [0.260226714, 0.232921164, 0.937032437],
         ];
         assert_close(&rodrigues([0.3, -0.2, 0.5]), &golden, 5e-10);
-    }
-
-    #[test]
-    fn six_d_golden() {
-        let golden = from_columns(
-            [0.953462589, 0.095346259, -0.286038777],
-            [0.045828956, 0.891831482, 0.450040347],
-            [0.29800805, -0.442205493, 0.845958335],
-        );
-        assert_close(&from_six_d(&[1.0, 0.2, 0.1, 0.9, -0.3, 0.4]), &golden, 5e-10);
-    }
-
-    #[test]
-    fn six_d_of_a_rotation_gives_it_back() {
-        let r = rodrigues([-1.2, 0.4, 2.0]);
-        assert_close(&from_six_d(&to_six_d(&r)), &r, 1e-15);
-    }
-
-    #[test]
-    #[should_panic(expected = "are parallel")]
-    fn parallel_columns_mean_no_rotation() {
-        from_six_d(&[1.0, 2.0, 0.0, 0.0, 0.0, 0.0]);
     }
 
     #[test]

@@ -7,9 +7,9 @@ use vitruvian_reference::linalg::matrix::{
     IDENTITY, Matrix3, apply, determinant, max_abs, mul, sub, transpose,
 };
 use vitruvian_reference::linalg::svd::nearest_rotation;
-use vitruvian_reference::linalg::vector::{Vector3, add, distance, norm, normalize, scale};
+use vitruvian_reference::linalg::vector::{Vector3, add, cross, distance, dot, norm, normalize, scale};
 use vitruvian_reference::rotation::{
-    angle_between, from_six_d, left_jacobian, logarithm, rodrigues, to_six_d,
+    angle_between, from_six_d, left_jacobian, logarithm, mean, rodrigues, to_six_d,
 };
 
 /// Unit vectors, uniform enough: directions of points of a cube that are not too near to its centre.
@@ -29,6 +29,43 @@ fn angle() -> impl Strategy<Value = f64> {
 
 fn axis_angle() -> impl Strategy<Value = Vector3> {
     (axis(), angle()).prop_map(|(axis, angle)| scale(axis, angle))
+}
+
+/// Angles at and beside 0 and π, down to the last digit and below, and any between.
+fn hard_angle() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        Just(0.0),
+        Just(PI),
+        (-320.0..0.0f64).prop_map(|e| 10f64.powf(e)),
+        (-9.0..-3.0f64).prop_map(|e| 10f64.powf(e)),
+        (-9.0..-3.0f64).prop_map(|e| PI - 10f64.powf(e)),
+        (-17.0..0.0f64).prop_map(|e| PI - 10f64.powf(e)),
+        0.0..PI
+    ]
+}
+
+/// Axes in general position, along a coordinate axis, in a coordinate plane, and all but.
+fn hard_axis() -> impl Strategy<Value = Vector3> {
+    let component = || {
+        prop_oneof![
+            Just(0.0),
+            Just(1.0),
+            Just(-1.0),
+            -1.0..1.0f64,
+            (-200.0..-6.0f64).prop_map(|e| 10f64.powf(e))
+        ]
+    };
+    [component(), component(), component()]
+        .prop_filter_map("a direction", |v| (norm(v) > 0.1).then(|| normalize(v)))
+}
+
+fn hard_axis_angle() -> impl Strategy<Value = Vector3> {
+    (hard_axis(), hard_angle()).prop_map(|(axis, angle)| scale(axis, angle))
+}
+
+/// Exponents of ten for the lengths of columns.
+fn power() -> impl Strategy<Value = f64> {
+    prop_oneof![Just(0.0), -150.0..150.0f64]
 }
 
 fn difference(a: &Matrix3, b: &Matrix3) -> f64 {
@@ -87,16 +124,69 @@ proptest! {
     #[test]
     fn six_numbers_carry_a_rotation(v in axis_angle()) {
         let r = rodrigues(v);
-        prop_assert!(difference(&from_six_d(&to_six_d(&r)), &r) < 4e-15);
+        prop_assert!(difference(&from_six_d(&to_six_d(&r)).expect("a rotation"), &r) < 4e-15);
     }
 
     #[test]
-    fn any_six_numbers_make_a_rotation(a in axis(), b in axis(), stretch in 0.01..100.0f64) {
-        prop_assume!(norm(vitruvian_reference::linalg::vector::cross(a, b)) > 1e-3);
-        let r = from_six_d(&[stretch * a[0], b[0], stretch * a[1], b[1], stretch * a[2], b[2]]);
-        prop_assert!(difference(&mul(&transpose(&r), &r), &IDENTITY) < 1e-12);
-        prop_assert!(abs_diff_eq!(determinant(&r), 1.0, epsilon = 1e-12));
-        prop_assert!(distance([r[0][0], r[1][0], r[2][0]], a) < 1e-14, "the first column keeps its direction");
+    fn six_numbers_to_matrix_to_axis_angle_and_back_closes(v in hard_axis_angle(), p in power(), q in power()) {
+        let r = rodrigues(v);
+        let (p, q) = (10f64.powf(p), 10f64.powf(q));
+        let scaled = [p * r[0][0], q * r[0][1], p * r[1][0], q * r[1][1], p * r[2][0], q * r[2][1]];
+        let six = from_six_d(&scaled).expect("two directions");
+        prop_assert!(difference(&six, &r) < 4e-15, "lengths {p:e} and {q:e} turn {r:?} into {six:?}");
+        let back = rodrigues(logarithm(&six));
+        prop_assert!(difference(&back, &six) < 4e-15, "{v:?} came back as {:?}", logarithm(&six));
+        let again = from_six_d(&to_six_d(&back)).expect("a rotation");
+        prop_assert!(difference(&again, &r) < 1e-14, "{again:?} for {r:?}");
+    }
+
+    #[test]
+    fn any_six_numbers_make_a_rotation_or_none(a in axis(), off in axis(), angle in hard_angle(), p in power(), q in power()) {
+        // The second column lies at `angle` from the first: parallel and opposite within rounding at the ends.
+        let turn = normalize(add(cross(a, off), [1e-300; 3]));
+        let b = apply(&rodrigues(scale(turn, angle)), a);
+        let (p, q) = (10f64.powf(p), 10f64.powf(q));
+        match from_six_d(&[p * a[0], q * b[0], p * a[1], q * b[1], p * a[2], q * b[2]]) {
+            None => prop_assert!(angle.sin() < 2e-12, "columns {angle} rad apart are two directions"),
+            Some(r) => {
+                prop_assert!(angle.sin() > 0.5e-12, "columns {angle} rad apart are one direction");
+                prop_assert!(difference(&mul(&transpose(&r), &r), &IDENTITY) < 2e-15);
+                prop_assert!(abs_diff_eq!(determinant(&r), 1.0, epsilon = 2e-15));
+                prop_assert!(distance([r[0][0], r[1][0], r[2][0]], a) < 1e-15, "the first column keeps its direction");
+                let second = [r[0][1], r[1][1], r[2][1]];
+                prop_assert!(dot(second, b) > 0.0 || angle.sin() < 1e-9, "the second leans as it was given");
+                prop_assert!(difference(&rodrigues(logarithm(&r)), &r) < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn the_mean_turns_with_its_rotations(
+        rotations in prop::collection::vec(axis_angle(), 1..6),
+        before in axis_angle(),
+        after in axis_angle(),
+    ) {
+        let rotations: Vec<Matrix3> = rotations.into_iter().map(rodrigues).collect();
+        let (before, after) = (rodrigues(before), rodrigues(after));
+        let turned: Vec<Matrix3> = rotations.iter().map(|r| mul(&mul(&after, r), &before)).collect();
+        if let (Some(m), Some(turned)) = (mean(&rotations), mean(&turned)) {
+            // Means that are nearly undecided lose digits to the rounding of the turned rotations.
+            prop_assert!(difference(&turned, &mul(&mul(&after, &m), &before)) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn the_mean_is_at_least_as_near_as_any_other(
+        rotations in prop::collection::vec(axis_angle(), 1..6),
+        other in axis_angle(),
+    ) {
+        let rotations: Vec<Matrix3> = rotations.into_iter().map(rodrigues).collect();
+        let spread = |m: &Matrix3| -> f64 {
+            rotations.iter().map(|r| sub(r, m).iter().flatten().map(|x| x * x).sum::<f64>()).sum()
+        };
+        let m = mean(&rotations);
+        prop_assume!(m.is_some());
+        prop_assert!(m.is_some_and(|m| spread(&m) <= spread(&rodrigues(other)) + 1e-12));
     }
 
     #[test]
