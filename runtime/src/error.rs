@@ -52,6 +52,16 @@ pub enum Error {
         /// Where it was looked for and how to get it.
         message: String,
     },
+    /// A square around a person that cannot be cut out of a photograph.
+    #[error("person box of {side_px:?} pixels around ({:?}, {:?}): {message}", .center_px[0], .center_px[1])]
+    PersonBox {
+        /// The square's middle.
+        center_px: [f64; 2],
+        /// The square's side.
+        side_px: f64,
+        /// What was found, what was expected, how to mend it.
+        message: String,
+    },
     /// The input is well-formed but holds no answer (an empty field, a level never reached).
     #[error("{0}")]
     Unanswerable(String),

@@ -10,6 +10,7 @@ pub mod inside;
 pub mod library;
 pub mod marching_cubes;
 pub mod mesh;
+pub mod person_crop;
 pub mod reconstruct;
 pub mod render;
 pub mod session;
