@@ -54,7 +54,7 @@
 //! | ch. 3, shape from silhouettes | 3.5–3.11, table 3.1 (errata E9–E14d) | [`fitting::silhouette`] |
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |
 //! | ch. 4, camera and rotations of the regressor | – | [`camera::WeakPerspective`], [`rotation::from_six_d`] |
-//! | ch. 4, MPJPE, reconstruction error, PCK, AUC | – | [`metric::joints`], [`metric::procrustes`] |
+//! | ch. 4, MPJPE, reconstruction error, PCK, AUC | – | [`metric::joint_errors`], [`metric::pck`], [`metric::procrustes`] |
 //! | ch. 5, MF-PIFu | 5.1–5.3 | [`network::mf_pifu`] |
 //! | ch. 5, training | 5.4 | [`loss::mean_squared_error`] |
 //! | ch. 5 and 6, meshing, voxels, samples | – | [`surface`] |

@@ -7,9 +7,9 @@ use serde_json::json;
 use vitruvian_reference::body::BodyModel;
 use vitruvian_reference::linalg::vector::{Vector3, add};
 use vitruvian_reference::metric::joints::{
-    PCK_THRESHOLD_M, auc, joint_errors, mean_joint_error, mpjpe, pa_mpjpe, pck, procrustes_aligned,
-    root_relative,
+    joint_errors, mean_joint_error, mpjpe, pa_mpjpe, procrustes_aligned, root_relative,
 };
+use vitruvian_reference::metric::pck::{PCK_THRESHOLD_M, auc, pck};
 use vitruvian_runtime::error::Error;
 use vitruvian_runtime::file::npz::Npz;
 use vitruvian_runtime::file::params::{self, Counts};

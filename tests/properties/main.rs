@@ -5,6 +5,7 @@ mod body;
 mod body_derivative;
 mod body_layouts;
 mod fitting;
+mod joint_metrics;
 mod least_squares;
 mod nn;
 mod plain_body;

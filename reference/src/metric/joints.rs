@@ -1,7 +1,5 @@
-//! Errors of joint positions.
-//!
-//! Positions and errors are in metres, PCK and AUC in per cent, as the field prints them (MPJPE in mm: times
-//! 1000).
+//! Errors of joint positions, metres (the field prints them in mm: times 1000). One pose; for many see
+//! [`joint_errors`](super::joint_errors).
 
 use super::procrustes::Similarity;
 use crate::linalg::vector::{Vector3, distance, sub};
@@ -76,38 +74,6 @@ pub fn pa_mpjpe(estimate: &[Vector3], truth: &[Vector3]) -> f64 {
     mean_joint_error(&procrustes_aligned(estimate, truth), truth)
 }
 
-/// Threshold of PCK@150, metres.
-pub const PCK_THRESHOLD_M: f64 = 0.150;
-
-/// Percentage of correct keypoints: the share of errors *strictly* below a threshold, in 0 … 100.
-///
-/// # Panics
-///
-/// If there are no errors to share.
-///
-/// # References
-///
-/// Mehta et al. 2017 (MPI-INF-3DHP), with 150 mm: about half a head.
-pub fn pck(errors: &[f64], threshold_m: f64) -> f64 {
-    assert!(!errors.is_empty(), "PCK of no errors");
-    let correct = errors.iter().filter(|&&error| error < threshold_m).count();
-    100.0 * correct as f64 / errors.len() as f64
-}
-
-/// Area under the PCK curve: the mean of PCK(T) over T = 0, 5, …, 150 mm, 31 thresholds, in 0 … 100.
-///
-/// PCK(0) is 0, since no error is below 0. So errors of exactly zero reach 100·30/31 = 96.77 and no more.
-///
-/// # Panics
-///
-/// If there are no errors.
-pub fn auc(errors: &[f64]) -> f64 {
-    // Dividing whole millimetres by 1000 gives the same double as writing 0.06; adding up steps of 0.005 would
-    // not.
-    let thresholds = (0..=30).map(|step| f64::from(5 * step) / 1000.0);
-    thresholds.map(|threshold| pck(errors, threshold)).sum::<f64>() / 31.0
-}
-
 fn mean(errors: &[f64]) -> f64 {
     assert!(!errors.is_empty(), "mean error of no joints");
     errors.iter().sum::<f64>() / errors.len() as f64
@@ -133,20 +99,6 @@ mod tests {
         assert!((mpjpe(&estimate, &TRUTH, 0) - 0.025).abs() < 1e-15);
         // Relative to the wrong joint itself the three others are wrong.
         assert!((mpjpe(&estimate, &TRUTH, 3) - 0.075).abs() < 1e-15);
-    }
-
-    #[test]
-    fn pck_is_strict_and_auc_takes_31_thresholds() {
-        let errors = [0.010, 0.060, 0.149, 0.150, 0.151, 0.300];
-        assert_eq!(pck(&errors, PCK_THRESHOLD_M), 50.0);
-        // Thresholds passed: 10 mm by 28, 60 mm by 18, 149 mm by 1; 47 / (6·31) of 100.
-        assert!((auc(&errors) - 25.268_817_20).abs() < 1e-8);
-    }
-
-    #[test]
-    fn zero_error_does_not_reach_an_auc_of_100() {
-        assert!((auc(&[0.0; 5]) - 100.0 * 30.0 / 31.0).abs() < 1e-12);
-        assert_eq!(auc(&[0.150; 5]), 0.0);
     }
 
     #[test]

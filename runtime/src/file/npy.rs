@@ -320,9 +320,14 @@ fn decoder<T: Element>(description: &str) -> std::result::Result<(usize, Decode<
         "u4" => (4, |b| T::from_f64(f64::from(u32::from_le_bytes(take(b))))),
         "i8" => (8, |b| T::from_f64(i64::from_le_bytes(take(b)) as f64)),
         "u8" => (8, |b| T::from_f64(u64::from_le_bytes(take(b)) as f64)),
+        _ if kind.starts_with('O') => {
+            return Err("holds pickled Python objects (a list of arrays, perhaps), which are not opened; save plain numbers, \
+                        as numpy.stack or one array of the list"
+                .into());
+        }
         _ => {
             return Err(format!(
-                "holds values of type '{description}'; expected numbers (f4, f8, i1 to i8, u1 to u8, b1) without pickled objects"
+                "holds values of type '{description}'; expected numbers (f4, f8, i1 to i8, u1 to u8, b1)"
             ));
         }
     })

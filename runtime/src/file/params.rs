@@ -1,10 +1,11 @@
-//! Parameters of a body over F frames: an `.npz` under the names of AMASS, 3DPW and smplx.
+//! Parameters of a body over F frames: an `.npz` under the names of AMASS, 3DPW, smplx, SPIN and HMR.
 //!
 //! | key | also read as | shape | where missing |
 //! |---|---|---|---|
-//! | poses | pose, fullpose, or its [parts](#a-pose-in-parts) | \[F,3J\], \[3J\], \[F,J,3\] or \[J,3\] | an error |
-//! | betas | | \[B\], \[1,B\] or \[F,B\]; fewer than the body's are padded with zeros | zeros |
-//! | trans | transl | \[3\], \[1,3\] or \[F,3\], metres | zeros |
+//! | poses | pose, fullpose, pred_pose, its [parts](#a-pose-in-parts), or in theta | \[F,3J\], \[3J\], \[F,J,3\], \[J,3\] or \[1,F,3J\] | an error |
+//! | betas | shape, pred_betas, pred_shape, or in theta | \[B\], \[1,B\] or \[F,B\]; fewer than the body's are padded with zeros, more must be zero | zeros |
+//! | trans | transl | \[3\], \[1,3\], \[F,3\] or \[1,F,3\], metres | zeros |
+//! | theta | | \[F,85\] or \[85\]: camera (3, left alone), pose (72), betas (10), as HMR and VIBE write them | – |
 //! | offsets | | \[V,3\], metres, added to the shaped rest mesh | none |
 //! | R, t, K | | \[N,3,3\], \[N,3\], \[N,3,3\]: X_c = R X + t, pixels | no cameras, unless all three are there |
 //! | camera_names | | \[N\] texts | 0, 1, 2, … |
@@ -19,7 +20,13 @@
 //!
 //! # Why is a pose of another body refused?
 //! AMASS writes SMPL-H's 52 joints. Its first 22 are SMPL's too, but its fingers have no place in SMPL's hands (joints 22
-//! and 23), so that what to leave out is the user's decision; the message says how to carry it out.
+//! and 23), so that what to leave out is the user's decision; the message says how to carry it out. [`read_for_joints`]
+//! takes it, for those who only look at joints: SMPL's hands are the last of their branches, so that their rotation moves
+//! none of them.
+//!
+//! # Several people in a file
+//! 3DPW has a list of actors. Saved as one array it is \[actors, F, 3J\]; with more than one actor, or as a pickled list, it
+//! is refused with what to do.
 
 use std::path::Path;
 
@@ -39,6 +46,18 @@ const PARTS: [&[&str]; 8] = [
     &["right_hand_pose"],
     &["pose_hand"],
 ];
+
+/// What a pose array may be called.
+const POSES: [&str; 4] = ["poses", "pose", "fullpose", "pred_pose"];
+
+/// What an array of betas may be called.
+const BETAS: [&str; 4] = ["betas", "shape", "pred_betas", "pred_shape"];
+
+/// HMR's camera, pose and betas in one row.
+const THETA: [usize; 3] = [3, 72, 10];
+
+/// The numbers of the 22 joints that SMPL, SMPL-H and SMPL-X share.
+const SHARED_WIDTH: usize = 66;
 
 /// How many of everything a body has, which its parameters must fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,10 +117,28 @@ impl Parameters {
 /// The file cannot be read or holds no pose; an array has another shape, another number of frames, joints that the body
 /// does not have, more betas than it has, or a number that is not finite. The array is named, with what was expected.
 pub fn read(path: &Path, counts: &Counts) -> Result<Parameters> {
-    let mut file = Reader { npz: Npz::open(path)? };
+    Ok(read_with(path, counts, false)?.0)
+}
+
+/// As [`read`], for the sake of the joints alone, with a word about everything that was left away: fingers and face of
+/// SMPL-H and SMPL-X where the body has SMPL's 24 joints (hands keep their place, at rest), and betas that the body lacks.
+///
+/// # Errors
+/// As [`read`], but for those poses and betas.
+pub fn read_for_joints(path: &Path, counts: &Counts) -> Result<(Parameters, Vec<String>)> {
+    read_with(path, counts, true)
+}
+
+fn read_with(path: &Path, counts: &Counts, for_joints: bool) -> Result<(Parameters, Vec<String>)> {
+    let mut file = Reader { npz: Npz::open(path)?, for_joints, left_away: Vec::new() };
     let poses = file.poses(counts)?;
     let frames = poses.len();
-    let betas = match file.first_of(&["betas"]) {
+    let betas = match file.first_of(&BETAS) {
+        None if file.has_theta() => {
+            let rows = file.theta()?;
+            let betas = rows.into_iter().map(|row| row[THETA[0] + THETA[1]..].to_vec()).collect();
+            file.fitting("theta", betas, counts.betas)?
+        }
         None => vec![Vec::new()],
         Some(name) => file.betas(name, frames, counts.betas)?,
     };
@@ -116,7 +153,7 @@ pub fn read(path: &Path, counts: &Counts) -> Result<Parameters> {
         }
     };
     let views = file.views()?;
-    Ok(Parameters { poses, betas, trans, offsets, views })
+    Ok((Parameters { poses, betas, trans, offsets, views }, file.left_away))
 }
 
 /// Writes the parameters atomically: poses \[F,3J\], betas \[B\] or \[F,B\], trans \[F,3\], and offsets and cameras where there
@@ -173,6 +210,10 @@ type ShapeCheck<'a> = &'a dyn Fn(&Array<f64>) -> std::result::Result<(), String>
 
 struct Reader {
     npz: Npz,
+    /// Whether what does not move a joint may be left away.
+    for_joints: bool,
+    /// What was, a sentence each.
+    left_away: Vec<String>,
 }
 
 impl Reader {
@@ -197,12 +238,31 @@ impl Reader {
 
     fn poses(&mut self, counts: &Counts) -> Result<Vec<Vec<f64>>> {
         let (joints, width) = (counts.joints, 3 * counts.joints);
-        if let Some(name) = self.first_of(&["poses", "pose", "fullpose"]) {
-            let array = self.finite(name, &|array| pose_shape(&array.shape, joints))?;
+        if let Some(name) = self.first_of(&POSES) {
+            let for_joints = self.for_joints;
+            let array = self.finite(name, &|array| match array.shape[..] {
+                [n] | [_, n] if for_joints && is_shared(n, joints) => Ok(()),
+                _ => pose_shape(&array.shape, joints),
+            })?;
             if array.values.is_empty() {
                 return Err(self.fail(name, "holds no frames"));
             }
+            if let [n] | [_, n] = array.shape[..]
+                && for_joints
+                && is_shared(n, joints)
+            {
+                return Ok(self.shared(name, array.values.chunks_exact(n), n));
+            }
             return Ok(array.values.chunks_exact(width).map(<[f64]>::to_vec).collect());
+        }
+        if self.has_theta() {
+            if joints != SMPL_JOINTS {
+                let message =
+                    format!("holds poses of SMPL's 24 joints; the body has {joints}: give a 24-joint body");
+                return Err(self.fail("theta", &message));
+            }
+            let pose = |row: Vec<f64>| row[THETA[0]..THETA[0] + THETA[1]].to_vec();
+            return Ok(self.theta()?.into_iter().map(pose).collect());
         }
         let mut parts = Vec::new();
         for names in PARTS {
@@ -228,6 +288,10 @@ impl Reader {
             let rows = part.values.chunks_exact(part.values.len() / frames);
             poses.iter_mut().zip(rows).for_each(|(pose, row)| pose.extend(row));
         }
+        if self.for_joints && is_shared(poses[0].len(), joints) {
+            let wide = poses[0].len();
+            return Ok(self.shared(first, poses.iter().map(Vec::as_slice), wide));
+        }
         if poses[0].len() != width {
             let names: Vec<String> =
                 parts.iter().map(|(name, part)| format!("{name} {:?}", part.shape)).collect();
@@ -242,12 +306,47 @@ impl Reader {
         Ok(poses)
     }
 
+    /// SMPL's 24 joints from a pose of which the first 22 are the same, hands at rest.
+    fn shared<'a>(
+        &mut self,
+        name: &str,
+        rows: impl Iterator<Item = &'a [f64]>,
+        width: usize,
+    ) -> Vec<Vec<f64>> {
+        if width > 3 * SMPL_JOINTS {
+            let path = self.npz.path().display();
+            self.left_away.push(format!(
+                "{path}: array \"{name}\" has {} joints; of them the 22 that the body shares are used",
+                width / 3
+            ));
+        }
+        rows.map(|row| [&row[..SHARED_WIDTH], &[0.0; 3 * SMPL_JOINTS - SHARED_WIDTH]].concat()).collect()
+    }
+
+    fn has_theta(&self) -> bool {
+        self.npz.contains("theta") && self.first_of(&POSES).is_none()
+    }
+
+    /// The rows of theta: camera, pose, betas.
+    fn theta(&mut self) -> Result<Vec<Vec<f64>>> {
+        let width = THETA.iter().sum();
+        let array = self.finite("theta", &|array| match array.shape[..] {
+            [n] | [_, n] if n == width => Ok(()),
+            _ => Err(format!(
+                "has the shape {:?}, expected [F, {width}]: camera (3), pose (72), betas (10)",
+                array.shape
+            )),
+        })?;
+        if array.values.is_empty() {
+            return Err(self.fail("theta", "holds no frames"));
+        }
+        Ok(array.values.chunks_exact(width).map(<[f64]>::to_vec).collect())
+    }
+
     fn betas(&mut self, name: &'static str, frames: usize, most: usize) -> Result<Vec<Vec<f64>>> {
         let array = self.finite(name, &|array| match array.shape[..] {
-            [n] | [1, n] if n <= most => Ok(()),
-            [f, n] if f == frames && n <= most => Ok(()),
-            [n] | [1, n] => Err(format!("has {n} numbers; the body has {most} betas")),
-            [f, n] if f == frames => Err(format!("has {n} numbers a frame; the body has {most} betas")),
+            [_] | [1, _] => Ok(()),
+            [f, _] if f == frames => Ok(()),
             _ => Err(format!(
                 "has the shape {:?}, expected [B] or [{frames}, B] with B at most {most}",
                 array.shape
@@ -257,13 +356,31 @@ impl Reader {
         if columns == 0 {
             return Ok(vec![Vec::new()]);
         }
-        Ok(array.values.chunks_exact(columns).map(<[f64]>::to_vec).collect())
+        self.fitting(name, array.values.chunks_exact(columns).map(<[f64]>::to_vec).collect(), most)
+    }
+
+    /// The rows of betas without what is more than `most`, which must be zero unless joints are all that is wanted.
+    fn fitting(&mut self, name: &str, mut rows: Vec<Vec<f64>>, most: usize) -> Result<Vec<Vec<f64>>> {
+        let columns = rows.first().map_or(0, Vec::len);
+        if rows.iter().any(|row| row.iter().skip(most).any(|&beta| beta != 0.0)) {
+            if !self.for_joints {
+                let message =
+                    format!("has {columns} numbers; the body has {most} betas: keep {name}[..., :{most}]");
+                return Err(self.fail(name, &message));
+            }
+            self.left_away.push(format!(
+                "{}: array \"{name}\" has {columns} numbers; of them the {most} that the body has are used",
+                self.npz.path().display()
+            ));
+        }
+        rows.iter_mut().for_each(|row| row.truncate(most));
+        Ok(rows)
     }
 
     fn trans(&mut self, name: &'static str, frames: usize) -> Result<Vec<[f64; 3]>> {
         let array = self.finite(name, &|array| match array.shape[..] {
             [3] | [1, 3] => Ok(()),
-            [f, 3] if f == frames => Ok(()),
+            [f, 3] | [1, f, 3] if f == frames => Ok(()),
             _ => Err(format!("has the shape {:?}, expected [3] or [{frames}, 3]", array.shape)),
         })?;
         let rows = triples(&array.values);
@@ -306,8 +423,11 @@ fn triples(values: &[f64]) -> Vec<[f64; 3]> {
 fn pose_shape(shape: &[usize], joints: usize) -> std::result::Result<(), String> {
     let width = 3 * joints;
     match *shape {
-        [n] | [_, n] if n == width => Ok(()),
+        [n] | [_, n] | [1, _, n] if n == width => Ok(()),
         [j, 3] | [_, j, 3] if j == joints => Ok(()),
+        [actors, _, n] if n == width => Err(format!(
+            "has the shape {shape:?}: {actors} people; give each a file of its own, with poses[0], betas[0] and trans[0] and so on"
+        )),
         [n] | [_, n] => Err(format!(
             "has the shape {shape:?}; the body has {joints} joints and takes [{width}] or [F, {width}]{}",
             hint(n, joints)
@@ -328,6 +448,14 @@ fn part_shape(shape: &[usize]) -> std::result::Result<(), String> {
         [_, _, 3] => Ok(()),
         _ => Err(format!("has the shape {shape:?}, expected axis–angle vectors [F, 3 × joints]")),
     }
+}
+
+/// SMPL's joints.
+const SMPL_JOINTS: usize = 24;
+
+/// Whether a pose of `width` numbers is one whose first 22 joints are those of a body of 24: the 22 alone, SMPL-H or SMPL-X.
+fn is_shared(width: usize, joints: usize) -> bool {
+    joints == SMPL_JOINTS && [SHARED_WIDTH, 156, 165].contains(&width)
 }
 
 /// What to do about a pose of `width` numbers that is known to belong to another family of bodies.
@@ -355,6 +483,7 @@ mod tests {
     use tempfile::TempDir;
 
     const BODY: Counts = Counts { vertices: 2, joints: 3, betas: 2 };
+    const SMPL: Counts = Counts { vertices: 6890, joints: 24, betas: 10 };
 
     fn file(arrays: &[(&str, &[usize], Values<'_>)]) -> (TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
@@ -453,7 +582,10 @@ mod tests {
         let poses: (&str, &[usize], _) = ("poses", &[2, 9], Values::F64(&[0.0; 18]));
         let refusal = |extra: (&str, &[usize], Values<'_>)| read_arrays(&[poses, extra]).unwrap_err();
         let cases = [
-            (("betas", &[3][..], Values::F64(&[0.0; 3])), "\"betas\" has 3 numbers; the body has 2 betas"),
+            (
+                ("betas", &[3][..], Values::F64(&[0.5; 3])),
+                "\"betas\" has 3 numbers; the body has 2 betas: keep betas[..., :2]",
+            ),
             (
                 ("betas", &[3, 1], Values::F64(&[0.0; 3])),
                 "\"betas\" has the shape [3, 1], expected [B] or [2, B]",
@@ -479,6 +611,7 @@ mod tests {
                 "has the shape [2, 72]; the body has 3 joints and takes [9] or [F, 9]; 72 is SMPL's 24 joints",
             ),
             (&[2, 3, 3, 3], "rotation matrices"),
+            (&[2, 4, 9], "has the shape [2, 4, 9]: 2 people; give each a file of its own"),
             (&[0, 9], "holds no frames"),
             (&[], "has the shape []"),
         ] {
@@ -493,10 +626,83 @@ mod tests {
     #[test]
     fn an_amass_pose_for_a_body_of_24_joints_is_refused_with_the_way_out() {
         let (_folder, path) = file(&[("poses", &[1, 156], Values::F64(&[0.0; 156]))]);
-        let smpl = Counts { vertices: 6890, joints: 24, betas: 10 };
-        let message = read(&path, &smpl).unwrap_err().to_string();
+        let message = read(&path, &SMPL).unwrap_err().to_string();
         assert!(message.contains("SMPL-H's 52 joints") && message.contains("poses[:, :66]"), "{message}");
-        assert_eq!(read(&path, &Counts { joints: 52, ..smpl }).unwrap().poses[0].len(), 156);
+        assert_eq!(read(&path, &Counts { joints: 52, ..SMPL }).unwrap().poses[0].len(), 156);
+    }
+
+    #[test]
+    fn for_joints_alone_an_amass_file_is_read_with_a_word_about_what_was_left_away() {
+        let poses = count(2 * 156);
+        let betas: Vec<f64> = (0..16).map(|i| 0.1 * f64::from(i)).collect();
+        let gender = ["female".to_string()];
+        let (_folder, path) = file(&[
+            ("trans", &[2, 3], Values::F64(&[0.5; 6])),
+            ("gender", &[1], Values::Text(&gender)),
+            ("mocap_framerate", &[], Values::F64(&[120.0])),
+            ("betas", &[16], Values::F64(&betas)),
+            ("dmpls", &[2, 8], Values::F64(&[0.0; 16])),
+            ("poses", &[2, 156], Values::F64(&poses)),
+        ]);
+        let (found, words) = read_for_joints(&path, &SMPL).unwrap();
+        assert_eq!(found.poses[1], [&poses[156..156 + 66], &[0.0; 6]].concat());
+        assert_eq!((found.betas_of(1), found.trans[0]), (&betas[..10], [0.5; 3]));
+        assert!(words[0].contains("has 52 joints; of them the 22"), "{words:?}");
+        assert!(words[1].contains("has 16 numbers; of them the 10"), "{words:?}");
+        assert_eq!(read_for_joints(&path, &BODY).unwrap_err().to_string().matches("52 joints").count(), 1);
+
+        let (body, hands) = (count(63), [0.0; 90]);
+        let (_folder, path) = file(&[
+            ("root_orient", &[1, 3], Values::F64(&[9.0; 3])),
+            ("pose_body", &[1, 63], Values::F64(&body)),
+            ("pose_hand", &[1, 90], Values::F64(&hands)),
+        ]);
+        let (found, words) = read_for_joints(&path, &SMPL).unwrap();
+        assert_eq!(found.poses[0], [&[9.0; 3][..], &body, &[0.0; 6]].concat());
+        assert_eq!(words.len(), 1);
+    }
+
+    #[test]
+    fn betas_that_the_body_lacks_may_be_there_if_they_are_zero() {
+        let found = read_arrays(&[
+            ("poses", &[9], Values::F64(&[0.0; 9])),
+            ("shape", &[1, 4], Values::F64(&[1.0, 2.0, 0.0, 0.0])),
+        ]);
+        assert_eq!(found.unwrap().betas, [[1.0, 2.0]]);
+    }
+
+    #[test]
+    fn spin_s_results_and_hmr_s_theta_are_parameters() {
+        let (pose, betas, theta) = (count(2 * 72), count(2 * 10), count(2 * 85));
+        let (_folder, path) = file(&[
+            ("pred_joints", &[2, 17, 3], Values::F64(&[0.0; 102])),
+            ("pose", &[2, 72], Values::F64(&pose)),
+            ("betas", &[2, 10], Values::F64(&betas)),
+            ("camera", &[2, 3], Values::F64(&[0.0; 6])),
+        ]);
+        let found = read(&path, &SMPL).unwrap();
+        assert_eq!((&found.poses[1][..], found.betas_of(1)), (&pose[72..], &betas[10..]));
+
+        let (_folder, path) = file(&[("theta", &[2, 85], Values::F64(&theta))]);
+        let found = read(&path, &SMPL).unwrap();
+        assert_eq!((found.poses[1][0], found.poses[1][71], found.betas_of(1)[0]), (88.0, 159.0, 160.0));
+        assert!(read(&path, &BODY).unwrap_err().to_string().contains("SMPL's 24 joints; the body has 3"));
+        let (_folder, path) = file(&[("theta", &[82], Values::F64(&theta[..82]))]);
+        assert!(read(&path, &SMPL).unwrap_err().to_string().contains("[82], expected [F, 85]"));
+    }
+
+    #[test]
+    fn one_actor_of_3dpw_is_read() {
+        let (poses, trans) = (count(18), count(6));
+        let found = read_arrays(&[
+            ("poses", &[1, 2, 9], Values::F64(&poses)),
+            ("betas", &[1, 2], Values::F64(&[0.5, 0.25])),
+            ("trans", &[1, 2, 3], Values::F64(&trans)),
+            ("genders", &[1], Values::Text(&["m".to_string()])),
+        ]);
+        let found = found.unwrap();
+        assert_eq!((&found.poses[1][..], found.trans[1]), (&poses[9..], [3.0, 4.0, 5.0]));
+        assert_eq!(found.betas_of(1), [0.5, 0.25]);
     }
 
     #[test]
