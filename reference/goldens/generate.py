@@ -15,7 +15,7 @@ from torch import Tensor
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "models"))
-from networks import mf_pifu, vsr  # noqa: E402
+from networks import mf_pifu, regressor, vsr  # noqa: E402
 
 HEAD = """// Written by reference/goldens/generate.py with PyTorch {version} in float64; regenerate with
 // models/.venv/bin/python reference/goldens/generate.py
@@ -92,7 +92,7 @@ def fill(module: torch.nn.Module) -> None:
             value = value / (value[0].numel() ** 0.5)
         elif "var" in name:
             value = 1 + value**2
-        elif "norm" in name and name.endswith("weight"):
+        elif name.endswith("weight"):
             value = 1 + value / 2
         state[name].copy_(value)
 
@@ -116,6 +116,14 @@ def networks() -> dict[str, Tensor | list[Tensor]]:
     features = net.encoder(voxels)
     out["VSR_FEATURES"] = [f[:, :, ::3, ::3, ::5] for f in features]
     out["VSR_OCCUPANCY"] = net.query(*features, 1.2 * pattern((9, 3), 2))
+    net = regressor.Regressor(regressor.Size("golden", planes=(2, 3, 4, 5), hidden=7, image_size=64))
+    fill(net)
+    images, layers = pattern((2, 3, 64, 64), 1), []
+    for layer in (net.layer1, net.layer2, net.layer3, net.layer4):
+        layer.register_forward_hook(lambda _module, _inputs, y: layers.append(y[:, ::3, ::3, ::2]))
+    out["REGRESSOR_OUTPUTS"] = list(net(images))
+    out["REGRESSOR_LAYERS"] = layers[:4]
+    out["REGRESSOR_FEATURE"] = net.features(images)
     return out
 
 

@@ -53,6 +53,7 @@
 //! | ch. 3, smoothness of offsets | 3.9 | [`surface::laplacian`] |
 //! | ch. 3, shape from silhouettes | 3.5–3.11, table 3.1 (errata E9–E14d) | [`fitting::silhouette`] |
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |
+//! | ch. 4, regressor | – (erratum E50) | [`network::regressor`] |
 //! | ch. 4, camera and rotations of the regressor | – | [`camera::WeakPerspective`], [`rotation::from_six_d`] |
 //! | ch. 4, MPJPE, reconstruction error, PCK, AUC | – | [`metric::joint_errors`], [`metric::pck`], [`metric::procrustes`] |
 //! | ch. 5, MF-PIFu | 5.1–5.3 | [`network::mf_pifu`] |
@@ -61,7 +62,7 @@
 //! | ch. 6, VSR | 6.7–6.9 | [`network::vsr`] |
 //! | ch. 6, training | 6.6, 6.10 | [`loss`] |
 //! | ch. 5 and 6, P2S, Chamfer-L2, IoU | – | [`metric::surface`] |
-//! | the operators of both networks | – (the ONNX specification) | [`nn`] |
+//! | the operators of the networks | – (the ONNX specification) | [`nn`] |
 //!
 //! # Reading order
 //! [`rotation`], then [`body`] (the model is six short files; [`body::mannequin()`] is a complete one), [`camera`],

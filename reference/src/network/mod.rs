@@ -3,6 +3,7 @@
 //! | module | thesis | in | out |
 //! |---|---|---|---|
 //! | [`mf_pifu`] | chapter 5, eq. 5.1–5.3 | images, then points in each view | features, then occupancy |
+//! | [`regressor`] on a [`resnet`] | chapter 4 §3.2 | an image of a person | pose, betas, weak-perspective camera |
 //! | [`vsr`] | chapter 6, eq. 6.7–6.9 | voxels, then points | features, then occupancy |
 //!
 //! A forward pass returns its [`Stages`] by name, so that another implementation can be compared stage by stage.
@@ -26,6 +27,8 @@
 
 mod layer;
 pub mod mf_pifu;
+pub mod regressor;
+pub mod resnet;
 mod stages;
 pub mod vsr;
 mod weights;

@@ -3,14 +3,20 @@
 use crate::nn::Tensor;
 
 /// The named tensors of one forward pass.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Stages {
-    stages: Vec<(String, Tensor)>,
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stages<T = f64> {
+    stages: Vec<(String, Tensor<T>)>,
 }
 
-impl Stages {
+impl<T> Default for Stages<T> {
+    fn default() -> Stages<T> {
+        Stages { stages: Vec::new() }
+    }
+}
+
+impl<T> Stages<T> {
     /// Record a stage and return it for the next one.
-    pub(super) fn record(&mut self, name: impl Into<String>, tensor: Tensor) -> &Tensor {
+    pub(super) fn record(&mut self, name: impl Into<String>, tensor: Tensor<T>) -> &Tensor<T> {
         self.stages.push((name.into(), tensor));
         &self.stages.last().expect("one was just pushed").1
     }
@@ -19,7 +25,7 @@ impl Stages {
     ///
     /// # Panics
     /// If there is none of this name.
-    pub fn get(&self, name: &str) -> &Tensor {
+    pub fn get(&self, name: &str) -> &Tensor<T> {
         match self.stages.iter().find(|(found, _)| found == name) {
             Some((_, tensor)) => tensor,
             None => panic!(
@@ -30,12 +36,12 @@ impl Stages {
     }
 
     /// Every stage, first to last.
-    pub fn iter(&self) -> impl Iterator<Item = (&str, &Tensor)> {
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Tensor<T>)> {
         self.stages.iter().map(|(name, tensor)| (name.as_str(), tensor))
     }
 
     /// The stages `features_1`, `features_2`, …: what an encoder hands to the query.
-    pub fn features(&self) -> Vec<&Tensor> {
+    pub fn features(&self) -> Vec<&Tensor<T>> {
         self.iter().filter(|(name, _)| name.starts_with("features_")).map(|(_, tensor)| tensor).collect()
     }
 }
@@ -46,7 +52,7 @@ mod tests {
 
     #[test]
     fn stages_keep_their_order_and_features_are_found() {
-        let mut stages = Stages::default();
+        let mut stages: Stages = Stages::default();
         stages.record("stem", Tensor::zeros(&[1]));
         stages.record("features_1", Tensor::zeros(&[2]));
         stages.record("features_2", Tensor::zeros(&[3]));
@@ -57,7 +63,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "no stage \"leaf\"; there are [\"stem\"]")]
     fn an_unknown_stage_is_refused() {
-        let mut stages = Stages::default();
+        let mut stages: Stages = Stages::default();
         stages.record("stem", Tensor::zeros(&[1]));
         stages.get("leaf");
     }

@@ -20,7 +20,7 @@
 //! # References
 //! Li 2021, §3.3 of chapter 6; Chibane, Alldieck and Pons-Moll, IF-Net, CVPR 2020.
 
-use super::layer::{BatchNorm, Convolution, pair};
+use super::layer::{BatchNorm, Convolution, batch_norm_weights, pair};
 use super::{Stages, Weights};
 use crate::nn::{self, Conv, GridSample, PaddingMode, Pool, Tensor};
 
@@ -54,9 +54,7 @@ impl Size {
                 list.extend(pair(&format!("stages.{k}.convs.{c}"), &[outputs, inputs, 3, 3, 3], outputs));
                 inputs = outputs;
             }
-            for part in ["weight", "bias", "running_mean", "running_var"] {
-                list.push((format!("stages.{k}.norm.{part}"), vec![outputs]));
-            }
+            list.extend(batch_norm_weights(&format!("stages.{k}.norm"), outputs));
         }
         list
     }

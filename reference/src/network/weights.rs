@@ -68,7 +68,7 @@ impl Weights {
                     v / inputs.sqrt()
                 } else if name.contains("var") {
                     1.0 + v * v
-                } else if name.contains("norm") && name.ends_with("weight") {
+                } else if name.ends_with("weight") {
                     1.0 + v / 2.0
                 } else {
                     v
