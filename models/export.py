@@ -1,4 +1,4 @@
-"""Write the four graphs of MF-PIFu and VSR, and a manifest that says what each is and how far it may err.
+"""Write the graphs of MF-PIFu, VSR and the regressor, and a manifest that says what each is and how far it may err.
 
     python models/export.py --size small  --filling trained              the committed graphs
     python models/export.py --size thesis --filling widened              small weights at the thesis' cost
@@ -12,6 +12,7 @@ import json
 import os
 import pathlib
 import sys
+import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -25,7 +26,7 @@ import agreement
 import filling
 import graph
 import widen
-from networks import mf_pifu, vsr
+from networks import mf_pifu, regressor, vsr
 
 HERE = pathlib.Path(__file__).resolve().parent
 EXPORTED = HERE / "exported"
@@ -50,6 +51,7 @@ class Drawing:
     signature: graph.Signature
     metadata: dict[str, str]
     inputs: Callable[[], dict[str, Tensor]]
+    fuse: bool = True
 
 
 def feature_names(count: int) -> list[str]:
@@ -139,20 +141,51 @@ def vsr_drawings(size: vsr.Size, network: vsr.Vsr) -> list[Drawing]:
     ]
 
 
+def regressor_drawings(size: regressor.Size, network: regressor.Regressor) -> list[Drawing]:
+    """The regressor in one graph. The number of images is free, their size is not."""
+    side = size.image_size
+    outputs = {"pose": ("N", regressor.POSE), "betas": ("N", regressor.BETAS), "camera": ("N", regressor.CAMERA)}
+    return [
+        Drawing(
+            "regressor.onnx",
+            regressor.Regressor(size),
+            (torch.zeros(2, 3, side, side),),
+            ({0: torch.export.Dim("N", min=1)},),
+            graph.Signature("regressor", {"image": ("N", 3, side, side)}, outputs),
+            {
+                "image_size": str(side),
+                "mean": ",".join(map(str, regressor.MEAN)),
+                "std": ",".join(map(str, regressor.STD)),
+                "background": "0",
+                "focal_length": repr(size.focal_length),
+            },
+            lambda: {"image": agreement.images(side)},
+            fuse=False,
+        )
+    ]
+
+
 @dataclass(frozen=True)
 class Network:
-    """What to do with one of the two networks."""
+    """What to do with one of the networks."""
 
     sizes: dict
     build: Callable[..., nn.Module]
     drawings: Callable[..., list[Drawing]]
     random: Callable[..., nn.Module]
     widen: Callable[..., dict[str, Tensor]]
+    graphs: dict[str, str]
+    """Each of its graphs, and the prefix of that graph's parameters in the whole network."""
 
 
+PARTS = ("encoder", "query")
 NETWORKS = {
-    "mf_pifu": Network(mf_pifu.SIZES, mf_pifu.MfPifu, mf_pifu_drawings, filling.random_mf_pifu, widen.widen_mf_pifu),
-    "vsr": Network(vsr.SIZES, vsr.Vsr, vsr_drawings, filling.random_vsr, widen.widen_vsr),
+    "mf_pifu": Network(mf_pifu.SIZES, mf_pifu.MfPifu, mf_pifu_drawings, filling.random_mf_pifu, widen.widen_mf_pifu,
+                       {f"mf_pifu_{part}.onnx": f"{part}." for part in PARTS}),
+    "vsr": Network(vsr.SIZES, vsr.Vsr, vsr_drawings, filling.random_vsr, widen.widen_vsr,
+                   {f"vsr_{part}.onnx": f"{part}." for part in PARTS}),
+    "regressor": Network(regressor.SIZES, regressor.Regressor, regressor_drawings, filling.random_regressor,
+                         widen.widen_regressor, {"regressor.onnx": ""}),
 }
 
 
@@ -162,7 +195,8 @@ def weights_of(name: str, size: str, kind: str, checkpoints: pathlib.Path, seed:
     if kind == "random":
         return Weights(network.random(network.sizes[size], seed).state_dict(), {"seed": seed})
     if kind == "widened":
-        return Weights(network.widen(state_of_graphs(name)), {"widened_from": f"models/exported/{name}_*.onnx"})
+        origin = " ".join(f"models/exported/{file}" for file in network.graphs)
+        return Weights(network.widen(state_of_graphs(name)), {"widened_from": origin})
     path = checkpoints / f"{name}.pt"
     checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     if checkpoint["size"] != size:
@@ -178,13 +212,15 @@ def weights_of(name: str, size: str, kind: str, checkpoints: pathlib.Path, seed:
 def state_of_graphs(name: str) -> dict[str, Tensor]:
     """The parameters of a committed small network, read back from its graphs' initialisers."""
     state = {}
-    for part in ("encoder", "query"):
-        model = onnx.load(EXPORTED / f"{name}_{part}.onnx")
+    for file, prefix in NETWORKS[name].graphs.items():
+        if not (EXPORTED / file).exists():
+            raise SystemExit(f"{EXPORTED / file} is missing; export the small trained graph first, or another by --only")
+        model = onnx.load(EXPORTED / file)
         for tensor in model.graph.initializer:
             values = onnx.numpy_helper.to_array(tensor)
-            state[f"{part}.{tensor.name}"] = torch.from_numpy(values.copy())
+            state[f"{prefix}{tensor.name}"] = torch.from_numpy(values.copy())
             if tensor.name.endswith("running_mean"):
-                state[f"{part}.{tensor.name.removesuffix('running_mean')}num_batches_tracked"] = torch.tensor(0)
+                state[f"{prefix}{tensor.name.removesuffix('running_mean')}num_batches_tracked"] = torch.tensor(0)
     return state
 
 
@@ -257,7 +293,7 @@ def draw_all(
         whole = network.build(network.sizes[size]).eval()
         whole.load_state_dict(weights.state)
         for drawing in network.drawings(network.sizes[size], whole):
-            trained = whole.get_submodule(drawing.signature.kind.split(".")[1])
+            trained = whole.get_submodule(network.graphs[drawing.file].removesuffix("."))
             data = graph.draw(
                 drawing.module,
                 drawing.example,
@@ -265,6 +301,7 @@ def draw_all(
                 drawing.signature,
                 {**drawing.metadata, "size": size, "filling": kind},
                 graph.persistent_state(trained),
+                drawing.fuse,
             )
             refuse_machine_paths(data, drawing.file)
             drawing.module.double().load_state_dict(trained.state_dict())
@@ -274,21 +311,26 @@ def draw_all(
 def export(
     size: str, kind: str, checkpoints: pathlib.Path, output: pathlib.Path, seed: int, names: Iterable[str] = NETWORKS
 ) -> None:
-    """Write the graphs and manifest.toml into `output`, measuring each against PyTorch."""
+    """Write the graphs and manifest.toml into `output`, measuring each against PyTorch.
+
+    What the manifest there says of other networks' graphs, which stay, is kept.
+    """
     output.mkdir(parents=True, exist_ok=True)
-    tables = []
+    path = output / "manifest.toml"
+    known = {t["file"]: t for t in tomllib.loads(path.read_text())["graph"]} if path.exists() else {}
     for drawing, data, weights in draw_all(size, kind, checkpoints, seed, names):
         table = entry(drawing, data, size, kind, seed, weights)
         write_whole(output / drawing.file, data)
-        tables.append(toml_table("graph", table))
+        known[drawing.file] = table
         print(
             f"{drawing.file}: {len(data)} bytes, error {table['measured_error_unoptimised']:.2e} unoptimised, "
             f"{table['measured_error_optimised']:.2e} optimised, values up to {table['largest_value']:.3g}",
             file=sys.stderr,
         )
-    manifest = (MANIFEST_HEAD + "\n".join(tables)).encode()
+    files = [file for network in NETWORKS.values() for file in network.graphs if file in known]
+    manifest = (MANIFEST_HEAD + "\n".join(toml_table("graph", known[file]) for file in files)).encode()
     refuse_machine_paths(manifest, "manifest.toml")
-    write_whole(output / "manifest.toml", manifest)
+    write_whole(path, manifest)
 
 
 def main() -> None:
@@ -296,7 +338,7 @@ def main() -> None:
     parser.add_argument("--size", choices=("small", "thesis"), default="small")
     parser.add_argument("--filling", choices=("trained", "random", "widened"), default="trained")
     parser.add_argument("--checkpoints", type=pathlib.Path, default=HERE / "runs", metavar="DIR",
-                        help="folder with mf_pifu.pt and vsr.pt (default: models/runs); widened reads models/exported")
+                        help="folder with mf_pifu.pt, vsr.pt and regressor.pt (default: models/runs); widened reads models/exported")
     parser.add_argument("-o", "--output", type=pathlib.Path, metavar="DIR",
                         help="default: models/exported for small trained, models/exported/SIZE/FILLING otherwise")
     parser.add_argument("--seed", type=int, default=1, help="of the random filling")

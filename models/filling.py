@@ -10,10 +10,11 @@ import torch
 from torch import Tensor, nn
 
 import agreement
-from networks import mf_pifu, vsr
+from networks import mf_pifu, regressor, vsr
 
 CONVOLUTIONS = (nn.Conv1d, nn.Conv2d, nn.Conv3d, nn.ConvTranspose2d)
-NORMALISATIONS = (nn.GroupNorm, nn.BatchNorm3d)
+BATCH_NORMALISATIONS = (nn.BatchNorm2d, nn.BatchNorm3d)
+NORMALISATIONS = (nn.GroupNorm, *BATCH_NORMALISATIONS)
 
 
 def fan_in(module: nn.Module) -> int:
@@ -28,9 +29,10 @@ def fan_in(module: nn.Module) -> int:
 def fill_randomly(network: nn.Module, seed: int) -> None:
     """Give every parameter and every running statistic of `network` a seeded value, in place.
 
-    Weights w ~ U(−√(6/n), √(6/n)), n = fan in: PyTorch's default U(−1/√n, 1/√n) times √6, which keeps the mean
-    square through a rectifier (He 2015, eq. 10). Biases ~ U(−0.1, 0.1). Normalisations: weight ~ U(0.5, 1.5),
-    bias ~ U(−0.5, 0.5), running mean ~ U(−0.5, 0.5), running variance ~ U(0.5, 1.5).
+    Convolutions w ~ U(−√(6/n), √(6/n)), n = fan in: PyTorch's default U(−1/√n, 1/√n) times √6, which keeps the mean
+    square through a rectifier (He 2015, eq. 10). Linear layers, of which none is rectified, w ~ U(−√(3/n), √(3/n)).
+    Biases ~ U(−0.1, 0.1). Normalisations: weight ~ U(0.5, 1.5), bias ~ U(−0.5, 0.5), running mean ~ U(−0.5, 0.5),
+    running variance ~ U(0.5, 1.5). The regressor's mean body moves by U(−0.2, 0.2).
     """
     generator = torch.Generator().manual_seed(seed)
 
@@ -41,13 +43,21 @@ def fill_randomly(network: nn.Module, seed: int) -> None:
         if isinstance(module, CONVOLUTIONS):
             bound = math.sqrt(6 / fan_in(module))
             uniform(module.weight, -bound, bound)
+            if module.bias is not None:
+                uniform(module.bias, -0.1, 0.1)
+        elif isinstance(module, nn.Linear):
+            bound = math.sqrt(3 / module.in_features)
+            uniform(module.weight, -bound, bound)
             uniform(module.bias, -0.1, 0.1)
         elif isinstance(module, NORMALISATIONS):
             uniform(module.weight, 0.5, 1.5)
             uniform(module.bias, -0.5, 0.5)
-            if isinstance(module, nn.BatchNorm3d):
+            if isinstance(module, BATCH_NORMALISATIONS):
                 uniform(module.running_mean, -0.5, 0.5)
                 uniform(module.running_var, 0.5, 1.5)
+        elif isinstance(module, regressor.Regressor):
+            for mean in (module.init_pose, module.init_shape, module.init_cam):
+                mean.add_(torch.rand(mean.shape, generator=generator) * 0.4 - 0.2)
         elif next(module.parameters(recurse=False), None) is not None:
             raise TypeError(f"no rule to fill {name}, a {type(module).__name__}")
 
@@ -78,4 +88,22 @@ def random_vsr(size: vsr.Size, seed: int) -> vsr.Vsr:
     fill_randomly(network, seed)
     voxels = agreement.voxels(size.resolution)
     centre(network, network.query.logits(network.encoder(voxels), agreement.volume_points()[None]))
+    return network
+
+
+@torch.no_grad()
+def random_regressor(size: regressor.Size, seed: int) -> regressor.Regressor:
+    """A regressor with seeded weights whose answers are bodies: joints turn, the camera stands before the person.
+
+    Each of the sixteen blocks adds to its input, which would double the mean square sixteen times: the last
+    normalisation of a block is halved. The heads are divided by 100, so that the mean body is corrected, not replaced.
+    """
+    network = regressor.Regressor(size).eval()
+    fill_randomly(network, seed)
+    for module in network.modules():
+        if isinstance(module, regressor.Bottleneck):
+            module.bn3.weight.mul_(0.5)
+    for head in (network.decpose, network.decshape, network.deccam):
+        head.weight.mul_(0.01)
+        head.bias.mul_(0.01)
     return network

@@ -8,8 +8,9 @@ What PyTorch's exporter does that a weight reader cannot live with, and what is 
 - it stores index constants as initialisers called val_1: they become Constant nodes;
 - it writes stack traces with the paths of the machine, module hierarchies and value shapes: they are dropped.
 
-Nothing is folded: batch normalisation stays a node (it follows a ReLU, so the exporter has no convolution to fold it
-into; `put_state` would notice). Group normalisation is written out, for the reason `group_normalisation.py` gives.
+Nothing is folded: batch normalisation stays a node. Where it follows a ReLU the exporter has no convolution to fold it
+into; where it follows a convolution, in the regressor, PyTorch's optimiser would, and is replaced by one that only
+evaluates what is constant (`fuse=False`); `put_state` would notice. Group normalisation is written out, for the reason `group_normalisation.py` gives.
 """
 import contextlib
 import io
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import onnx
+import onnxscript.optimizer
 import torch
 from onnx import numpy_helper
 from torch import Tensor, nn
@@ -44,7 +46,7 @@ def persistent_state(module: nn.Module) -> dict[str, Tensor]:
     return {name: t for name, t in module.state_dict().items() if not name.endswith("num_batches_tracked")}
 
 
-def trace(module: nn.Module, example: tuple[Tensor, ...], dynamic_shapes: tuple, signature: Signature):
+def trace(module: nn.Module, example: tuple[Tensor, ...], dynamic_shapes: tuple, signature: Signature, fuse: bool):
     """The graph PyTorch's exporter draws of `module` with weights that all differ."""
     fill_randomly(module, seed=0)
     registration = logging.getLogger("torch.onnx._internal.exporter._registration")
@@ -59,7 +61,11 @@ def trace(module: nn.Module, example: tuple[Tensor, ...], dynamic_shapes: tuple,
             input_names=list(signature.inputs),
             output_names=list(signature.outputs),
             dynamic_shapes=dynamic_shapes,
+            optimize=fuse,
         )
+    if not fuse:
+        onnxscript.optimizer.fold_constants(program.model)
+        onnxscript.optimizer.remove_unused_nodes(program.model)
     return program.model_proto
 
 
@@ -101,6 +107,18 @@ def constants_to_nodes(model: onnx.ModelProto, state: Mapping[str, Tensor]) -> N
     graph.node.extend([*nodes, *others])
 
 
+def drop_zero_biases(model: onnx.ModelProto, state: Mapping[str, Tensor]) -> None:
+    """Take away the bias of zeros that the exporter gives a convolution without one."""
+    zeros = {t.name for t in model.graph.initializer if t.name not in state and not numpy_helper.to_array(t).any()}
+    for node in model.graph.node:
+        if node.op_type == "Conv" and len(node.input) == 3 and node.input[2] in zeros:
+            del node.input[2]
+    used = {name for node in model.graph.node for name in node.input}
+    kept = [t for t in model.graph.initializer if t.name in used or t.name not in zeros]
+    del model.graph.initializer[:]
+    model.graph.initializer.extend(kept)
+
+
 def put_state(model: onnx.ModelProto, state: Mapping[str, Tensor]) -> None:
     """Replace the initialisers by `state`, in its order; a name too many or too few is an error."""
     graph = model.graph
@@ -131,11 +149,13 @@ def draw(
     signature: Signature,
     metadata: Mapping[str, str],
     state: Mapping[str, Tensor],
+    fuse: bool = True,
 ) -> bytes:
     """The bytes of the graph of `module` with the weights `state`; same arguments, same bytes."""
-    model = trace(module, example, dynamic_shapes, signature)
+    model = trace(module, example, dynamic_shapes, signature, fuse)
     declare(model, signature)
     write_out_group_normalisation(model)
+    drop_zero_biases(model, state)
     constants_to_nodes(model, state)
     put_state(model, state)
     strip(model)

@@ -6,15 +6,16 @@ after it; in a batch normalisation mean 0, variance 1, weight 0 and bias 0 do th
 weight 0. So the first channels of every map are the small network's and the rest is 0; only the order in which a
 machine adds the zeros can tell the two networks apart.
 
-The one place where channels are interleaved is the point network of MF-PIFu, whose input joins four maps, the depth
-and, in later layers, the hidden activation: there small columns move to where the wide network finds them.
+Channels are interleaved where an input is joined of several: in the point networks, which join the maps, the depth and,
+in later layers, the hidden activation, and in the regressor's head, which joins the feature and the estimate. There small
+columns move to where the wide network finds them.
 """
 from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor
 
-from networks import mf_pifu, vsr
+from networks import mf_pifu, regressor, vsr
 
 State = Mapping[str, Tensor]
 
@@ -52,15 +53,18 @@ def vsr_columns(small: vsr.Size, wide: vsr.Size) -> list[Tensor | None]:
     return [joined_columns(small.stages, wide.stages), None, None, None]
 
 
-def widen(state: State, wide: State, columns: Sequence[Tensor | None]) -> dict[str, Tensor]:
-    """The weights `state` in the shapes of `wide`, names and order of `wide`."""
+def of_point_network(columns: Sequence[Tensor | None]) -> dict[str, Tensor]:
+    """The columns of each layer of a point network under the name of the layer's weight."""
+    return {f"query.mlp.layers.{k}.weight": places for k, places in enumerate(columns) if places is not None}
+
+
+def widen(state: State, wide: State, columns: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The weights `state` in the shapes of `wide`, names and order of `wide`; `columns` by the weight's name."""
     if state.keys() != wide.keys():
         raise ValueError(f"the two sizes differ in {sorted(state.keys() ^ wide.keys())}")
     result = {}
     for name, target in wide.items():
-        layer = name.removeprefix("query.mlp.layers.").split(".")
-        places = columns[int(layer[0])] if name.startswith("query.mlp.layers.") and layer[1] == "weight" else None
-        result[name] = padded(state[name], target.shape, places)
+        result[name] = padded(state[name], target.shape, columns.get(name))
         if name.endswith("running_var"):
             result[name][state[name].shape[0] :] = 1
     return result
@@ -68,9 +72,16 @@ def widen(state: State, wide: State, columns: Sequence[Tensor | None]) -> dict[s
 
 def widen_mf_pifu(state: State, small: mf_pifu.Size = mf_pifu.SMALL, wide: mf_pifu.Size = mf_pifu.THESIS):
     """The state of a small MF-PIFu -> the state of a wide one that computes the same occupancy."""
-    return widen(state, mf_pifu.MfPifu(wide).state_dict(), mf_pifu_columns(small, wide))
+    return widen(state, mf_pifu.MfPifu(wide).state_dict(), of_point_network(mf_pifu_columns(small, wide)))
 
 
 def widen_vsr(state: State, small: vsr.Size = vsr.SMALL, wide: vsr.Size = vsr.THESIS):
     """The state of a small VSR -> the state of a wide one that computes the same occupancy."""
-    return widen(state, vsr.Vsr(wide).state_dict(), vsr_columns(small, wide))
+    return widen(state, vsr.Vsr(wide).state_dict(), of_point_network(vsr_columns(small, wide)))
+
+
+def widen_regressor(state: State, small: regressor.Size = regressor.SMALL, wide: regressor.Size = regressor.THESIS):
+    """The state of a small regressor -> the state of a wide one that answers the same on an image of any one size."""
+    estimate = [regressor.POSE, regressor.BETAS, regressor.CAMERA]
+    columns = joined_columns([small.features, *estimate], [wide.features, *estimate])
+    return widen(state, regressor.Regressor(wide).state_dict(), {"fc1.weight": columns})

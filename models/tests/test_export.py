@@ -28,7 +28,7 @@ def export_random(folder: str, seed: int) -> None:
 
 
 class SmallRandom(unittest.TestCase):
-    """One export of all four graphs, read back."""
+    """One export of all graphs, read back."""
 
     @classmethod
     def setUpClass(cls):
@@ -49,8 +49,8 @@ class SmallRandom(unittest.TestCase):
     def answer(self, stem, **inputs):
         return agreement.run((self.path / f"{stem}.onnx").read_bytes(), inputs, optimise=True)
 
-    def test_four_graphs_and_their_manifest(self):
-        self.assertEqual(list(self.models), ["mf_pifu_encoder", "mf_pifu_query", "vsr_encoder", "vsr_query"])
+    def test_five_graphs_and_their_manifest(self):
+        self.assertEqual(list(self.models), ["mf_pifu_encoder", "mf_pifu_query", "regressor", "vsr_encoder", "vsr_query"])
         self.assertEqual(sorted(self.tables), [f"{stem}.onnx" for stem in self.models])
         for file, table in self.tables.items():
             data = (self.path / file).read_bytes()
@@ -62,8 +62,9 @@ class SmallRandom(unittest.TestCase):
 
     def test_initialisers_are_the_parameters_bit_for_bit(self):
         for stem, model in self.models.items():
-            name, part = stem.rsplit("_", 1)
-            state = graph.persistent_state(getattr(self.network(name), part))
+            name = stem if stem == "regressor" else stem.rsplit("_", 1)[0]
+            part = export.NETWORKS[name].graphs[f"{stem}.onnx"].removesuffix(".")
+            state = graph.persistent_state(self.network(name).get_submodule(part))
             stored = {t.name: numpy_helper.to_array(t) for t in model.graph.initializer}
             self.assertEqual(list(stored), list(state), stem)
             for key, tensor in state.items():
@@ -86,18 +87,25 @@ class SmallRandom(unittest.TestCase):
             "mf_pifu_query": ({**maps, "uv": ["N", "P", 2], "depth": ["N", "P"]}, {"occupancy": ["P"]}),
             "vsr_encoder": ({"voxels": [1, 1, "D", "D", "D"]}, volumes),
             "vsr_query": ({**volumes, "points": ["P", 3]}, {"occupancy": ["P"]}),
+            "regressor": (
+                {"image": ["N", 3, 128, 128]},
+                {"pose": ["N", 144], "betas": ["N", 10], "camera": ["N", 3]},
+            ),
         }
         for stem, model in self.models.items():
             self.assertEqual((axes(model.graph.input), axes(model.graph.output)), wanted[stem])
 
     def test_metadata_declares_the_contract(self):
-        shared = {"version": "1", "align_corners": "false", "inside": "1", "level": "0.5"}
-        shared |= {"size": "small", "filling": "random"}
+        shared = {"version": "1", "size": "small", "filling": "random"}
+        field = {"align_corners": "false", "inside": "1", "level": "0.5"}
         image = {"image_size": "256", "mean": "0.5,0.5,0.5", "std": "0.5,0.5,0.5", "background": "0"}
         image |= {"depth_center": "body_center", "depth_scale": "crop_half_width"}
+        person = {"image_size": "128", "mean": "0.485,0.456,0.406", "std": "0.229,0.224,0.225", "background": "0"}
+        person |= {"focal_length": repr(5000 * 128 / 224)}
+        keys = {"mf_pifu": field | image, "vsr": field | {"resolution": "128"}, "regressor": person}
         for stem, model in self.models.items():
             kind = stem.replace("mf_pifu", "mf-pifu").replace("_", ".")
-            own = image if stem.startswith("mf_pifu") else {"resolution": "128"}
+            own = keys[stem if stem == "regressor" else stem.rsplit("_", 1)[0]]
             declared = {p.key.removeprefix("vitruvian."): p.value for p in model.metadata_props}
             self.assertEqual(declared, {**shared, **own, "kind": kind})
 
@@ -114,6 +122,9 @@ class SmallRandom(unittest.TestCase):
         operators = [n.op_type for n in self.models["mf_pifu_encoder"].graph.node]
         self.assertEqual(operators.count("GroupNormalization"), 0)
         self.assertEqual(operators.count("Sqrt"), 17)
+        operators = [n.op_type for n in self.models["regressor"].graph.node]
+        self.assertEqual((operators.count("Conv"), operators.count("BatchNormalization")), (53, 53))
+        self.assertEqual({len(n.input) for n in self.models["regressor"].graph.node if n.op_type == "Conv"}, {2})
 
     def test_one_view_and_one_point_are_enough(self):
         images = agreement.images(256, views=1)
@@ -129,6 +140,15 @@ class SmallRandom(unittest.TestCase):
             want = network.query(*(m.double() for m in named.values()), uv.double(), depth.double())
         (got,) = self.answer("mf_pifu_query", **named, uv=uv, depth=depth)
         np.testing.assert_allclose(got, want.numpy(), atol=1e-5)
+
+    def test_one_image_is_enough_and_any_number_too(self):
+        network = copy.deepcopy(self.network("regressor")).double()
+        for count in (1, 3):
+            image = agreement.images(128, views=count)
+            with torch.no_grad():
+                truth = network(image.double())
+            for got, want in zip(self.answer("regressor", image=image), truth, strict=True):
+                np.testing.assert_allclose(got, want.numpy(), atol=1e-5)
 
     def test_other_resolutions_are_multiples_of_16(self):
         network = copy.deepcopy(self.network("vsr")).double()

@@ -56,7 +56,7 @@ class MfPifu(unittest.TestCase):
         self.assertEqual(int(columns[1][128]), 1024)
 
     def test_padding_the_corner_alone_would_be_wrong(self):
-        state = widen.widen(self.small.state_dict(), self.wide.state_dict(), [None] * 4)
+        state = widen.widen(self.small.state_dict(), self.wide.state_dict(), {})
         wrong = mf_pifu.MfPifu(mf_pifu.THESIS).eval()
         wrong.load_state_dict(state)
         (_, got), (_, want) = self.answers(wrong, torch.float64), self.answers(self.small, torch.float64)

@@ -1,0 +1,73 @@
+"""What the regressor is trained on (Li 2021, eq. 4.1 and 4.3–4.6), as the released code computes it.
+
+The thesis writes sums of unsquared norms over the views; trained were means of squares (erratum E42), joints of the
+*regressed* body rather than of the fit (4.5 as printed gives the network no gradient), and rotation matrices rather
+than axis-angle (erratum E43). Its third weight, 0.001, belongs to β; the weight of the mesh was 0 (erratum E41).
+Views are rows: [B] runs over every image of the batch.
+"""
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from networks.skeleton import LEFT_HIP, RIGHT_HIP
+
+
+def keypoint_loss(predicted: Tensor, keypoints: Tensor, confidence: Tensor) -> Tensor:
+    """L_2D, eq. 4.1: mean of c (k̂ − k)² over [B,J,2], keypoints in −1..1 over the crop, confidence [B,J]."""
+    return (confidence[..., None] * (predicted - keypoints).square()).mean()
+
+
+def centred(joints: Tensor) -> Tensor:
+    """[B,24,3] less the middle of the hips."""
+    return joints - joints[:, [LEFT_HIP, RIGHT_HIP]].mean(1, keepdim=True)
+
+
+def joint_loss(predicted: Tensor, joints: Tensor, confidence: Tensor) -> Tensor:
+    """L_3D, eq. 4.5: mean of c (x̂ − x)² over [B,24,3] (m), both sides centred between the hips."""
+    return (confidence[..., None] * (centred(predicted) - centred(joints)).square()).mean()
+
+
+def mean_over_valid(squares: Tensor, valid: Tensor) -> Tensor:
+    """Mean of [B,...] over the rows marked in valid [B]; 0 when there is none."""
+    if not bool(valid.any()):
+        return squares.sum() * 0
+    return squares[valid].mean()
+
+
+def pose_loss(predicted: Tensor, fitted: Tensor, valid: Tensor) -> Tensor:
+    """L_θ, eq. 4.3: mean square between rotation matrices [B,24,3,3], over the rows whose fit is valid."""
+    return mean_over_valid((predicted - fitted).square(), valid)
+
+
+def betas_loss(predicted: Tensor, fitted: Tensor, valid: Tensor) -> Tensor:
+    """L_β, eq. 4.3: mean square between betas [B,K], over the rows whose fit is valid."""
+    return mean_over_valid((predicted - fitted).square(), valid)
+
+
+def vertex_loss(predicted: Tensor, fitted: Tensor, valid: Tensor) -> Tensor:
+    """L_M, eq. 4.4: mean absolute difference of vertices [B,V,3] (m), over the rows whose fit is valid."""
+    return mean_over_valid((predicted - fitted).abs(), valid)
+
+
+def camera_loss(camera: Tensor) -> Tensor:
+    """Mean of exp(−10 s)² over cameras [B,3]: keeps the scale positive; not in the thesis."""
+    return torch.exp(-10 * camera[:, 0]).square().mean()
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of eq. 4.6; the total is multiplied by `overall`."""
+
+    keypoints: float = 5.0
+    joints: float = 5.0
+    pose: float = 1.0
+    betas: float = 0.001
+    vertices: float = 0.0
+    camera: float = 1.0
+    overall: float = 60.0
+
+
+def total(weights: Weights, **terms: Tensor) -> Tensor:
+    """L, eq. 4.6: overall · Σ weight · term over the terms that are given, each under its weight's name."""
+    return weights.overall * sum(getattr(weights, name) * term for name, term in terms.items())
