@@ -107,6 +107,30 @@ impl Pinhole {
         undistort(&self.distortion, bent)
     }
 
+    /// [`Pinhole::project`] and its derivative with respect to the point in camera coordinates (which is that with respect to
+    /// t), in one pass; `None` where the point is not in front of the camera.
+    ///
+    /// ```
+    /// let camera = vitruvian_reference::camera::Pinhole::ideal(500.0, [320.0, 240.0]);
+    /// let (pixel, by_point) = camera.project_with_derivative([0.1, -0.2, 2.0]).expect("in front");
+    /// assert_eq!((pixel, by_point), ([345.0, 190.0], [[250.0, 0.0, -12.5], [0.0, 250.0, 25.0]]));
+    /// ```
+    pub fn project_with_derivative(&self, point: Vector3) -> Option<([f64; 2], Matrix2x3)> {
+        let [x, y, z] = self.to_camera(point);
+        if z <= 0.0 || z.is_nan() {
+            return None;
+        }
+        let ray = [x / z, y / z];
+        let ideal = distort(&self.distortion, ray);
+        let lens = distort_derivative(&self.distortion, ray);
+        let by_point = |i: usize| -> Vector3 {
+            let [by_x, by_y] = lens[i].map(|d| self.focal_px[i] * d / z);
+            [by_x, by_y, -(by_x * ray[0] + by_y * ray[1])]
+        };
+        let pixel = std::array::from_fn(|i| self.focal_px[i] * ideal[i] + self.principal_px[i]);
+        Some((pixel, [by_point(0), by_point(1)]))
+    }
+
     /// The derivatives of [`Pinhole::project`], or `None` where the point is not in front of the camera.
     ///
     /// With D the 2×2 derivative of the distortion and ∂(x, y)/∂X_c = \[1/Z, 0, −X/Z²; 0, 1/Z, −Y/Z²\]:

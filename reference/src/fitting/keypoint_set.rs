@@ -4,8 +4,8 @@
 //! (nose, ears, toes), or a point between joints. Vertices are numbered in SMPL's own mesh (V = 6890), so on a body with
 //! another mesh such keypoints have no point and are left out.
 
-use crate::body::BodyModel;
 use crate::body::mannequin::{JOINT_NAMES, PARENTS};
+use crate::body::{BodyModel, Skeleton};
 
 /// The number of vertices of SMPL's mesh, in which the vertices below are numbered.
 pub const SMPL_VERTEX_COUNT: usize = 6890;
@@ -212,10 +212,19 @@ impl KeypointSet {
     /// vertices are left out and the regressed points become the nearest joints, neck and hips with weight 0. SMPL's hands
     /// (22, 23) exist on bodies of 24 joints alone: SMPL-H and SMPL-X have fingers in their place.
     pub fn on_body(self, body: &BodyModel) -> Vec<Option<BodyKeypoint>> {
-        let own_mesh = body.vertex_count() == SMPL_VERTEX_COUNT;
+        self.on(body.vertex_count() == SMPL_VERTEX_COUNT, body.joint_count())
+    }
+
+    /// The keypoints' points on a body of which only the skeleton is there: those of [`KeypointSet::on_body`] for a body with
+    /// another mesh than SMPL's.
+    pub fn on_skeleton(self, skeleton: &Skeleton) -> Vec<Option<BodyKeypoint>> {
+        self.on(false, skeleton.joint_count())
+    }
+
+    fn on(self, own_mesh: bool, joint_count: usize) -> Vec<Option<BodyKeypoint>> {
         let joint = |j: usize| BodyPoint::Joints(vec![(j, 1.0)]);
         let Some(table) = self.table() else {
-            let there = |j: usize| j < SHARED_JOINT_COUNT || body.joint_count() == JOINT_NAMES.len();
+            let there = |j: usize| j < SHARED_JOINT_COUNT || joint_count == JOINT_NAMES.len();
             return (0..JOINT_NAMES.len())
                 .map(|j| there(j).then(|| BodyKeypoint { point: joint(j), base_weight: 1.0 }))
                 .collect();

@@ -23,6 +23,7 @@
 //! Li 2021, ch. 2 and ch. 3 §3.2; Bogo, Kanazawa, Lassner, Gehler, Romero, Black 2016, "Keep it SMPL".
 
 pub mod camera_init;
+pub mod camera_translation;
 pub mod coherence;
 pub mod depth_flip;
 pub mod eight_point;
@@ -33,6 +34,7 @@ pub mod keypoint_residuals;
 pub mod keypoint_set;
 pub mod layout;
 pub mod multiview_smplify;
+pub mod mv_smplify;
 pub mod observation;
 pub mod polish;
 pub mod presets;
@@ -52,6 +54,7 @@ mod tests;
 
 pub use keypoint_set::KeypointSet;
 pub use multiview_smplify::MultiviewSmplify;
+pub use mv_smplify::{MvFit, MvPreset, MvSmplify, MvSmplifyOptions, ViewStart};
 pub use observation::{Extrinsics, Keypoint, Observation, Refusal, View};
 pub use presets::{LossForm, Options, Polish, PosePrior, Preset, Stage, Start, Translations};
 pub use result::{Fit, Parameters, StageReport, Verdict, ViewResidual};

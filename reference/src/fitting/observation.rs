@@ -109,6 +109,20 @@ pub enum Refusal {
     },
     /// No start puts the body in front of every camera.
     NoStart,
+    /// There is not one start for each view.
+    StartCount {
+        /// Starts.
+        found: usize,
+        /// Views.
+        expected: usize,
+    },
+    /// A view's start is for another body, or not finite.
+    BadStart {
+        /// The view.
+        view: usize,
+        /// What is wrong.
+        fault: &'static str,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -147,6 +161,10 @@ impl fmt::Display for Refusal {
             }
             Refusal::BadInitial { fault } => write!(f, "the start that was handed in {fault}"),
             Refusal::NoStart => write!(f, "no start puts the body in front of every camera"),
+            Refusal::StartCount { found, expected } => {
+                write!(f, "{found} starts for {expected} views; every view has its own")
+            }
+            Refusal::BadStart { view, fault } => write!(f, "the start of view {view} {fault}"),
         }
     }
 }

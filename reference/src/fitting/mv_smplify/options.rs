@@ -1,0 +1,109 @@
+//! How a collaborative fit is run: weights, steps, and the named presets.
+
+use super::descent::Descent;
+use crate::fitting::presets::Translations;
+use crate::fitting::prior::GaussianMixture;
+
+/// How the shared pose begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeanPose {
+    /// The [chordal mean](crate::rotation::mean) of every joint's rotations.
+    Chordal,
+    /// The [arithmetic mean](crate::rotation::arithmetic_mean) of their axis–angle vectors: the thesis (erratum E46).
+    AxisAngle,
+}
+
+/// Where the translation of a view begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartingTranslation {
+    /// Where the regressor puts it: the thesis.
+    Given,
+    /// Where the regressor's body fits the marks best, by [least squares](crate::fitting::camera_translation).
+    LeastSquares,
+}
+
+/// How a fit is run. All pixels are those of a person crop of [`MvSmplifyOptions::crop_side_px`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct MvSmplifyOptions {
+    /// The side of the crop to whose pixels errors are scaled: 224. Weights and σ then mean the same at any resolution.
+    pub crop_side_px: f64,
+    /// How the shared pose begins.
+    pub mean_pose: MeanPose,
+    /// Where translations begin.
+    pub starting_translation: StartingTranslation,
+    /// Stage 1.
+    pub torso: Descent,
+    /// λ_z of stage 1, pixels per metre: 100.
+    pub depth_weight: f64,
+    /// Stage 2.
+    pub shared: Descent,
+    /// Whether stage 2 moves the translations (erratum E45).
+    pub translations: Translations,
+    /// σ of the Geman–McClure loss in stage 2, pixels: 100.
+    pub sigma_px: f64,
+    /// λ_a on exp(−φ) of elbows and knees: 15.2.
+    pub bend_weight: f64,
+    /// λ_β: 5.
+    pub shape_weight: f64,
+    /// λ_θ of the mixture, if there is one: 4.78.
+    pub mixture_weight: f64,
+    /// The mixture over the pose without its root.
+    pub mixture: Option<GaussianMixture>,
+    /// Whether a fit that is not [valid](super::MvFit::valid) is tried again from orientations sought anew.
+    pub retry: bool,
+}
+
+/// The named ways to run a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum MvPreset {
+    /// Li 2021, ch. 4 §3.3, to the letter: 100 + 100 steps of 10⁻², axis–angle mean, translations fixed in stage 2.
+    Thesis,
+    /// The same numbers as the released code runs them: translations move in stage 2 as well.
+    Released,
+    /// What serves a user.
+    #[default]
+    Refined,
+}
+
+impl MvPreset {
+    /// All presets.
+    pub const ALL: [MvPreset; 3] = [MvPreset::Thesis, MvPreset::Released, MvPreset::Refined];
+
+    /// What the preset stands for; without a mixture, which is data of others.
+    pub fn options(self) -> MvSmplifyOptions {
+        let thesis = MvSmplifyOptions {
+            crop_side_px: 224.0,
+            mean_pose: MeanPose::AxisAngle,
+            starting_translation: StartingTranslation::Given,
+            torso: Descent::constant(100, 1e-2),
+            depth_weight: 100.0,
+            shared: Descent::constant(100, 1e-2),
+            translations: Translations::Fixed,
+            sigma_px: 100.0,
+            bend_weight: 15.2,
+            shape_weight: 5.0,
+            mixture_weight: 4.78,
+            mixture: None,
+            retry: false,
+        };
+        match self {
+            MvPreset::Thesis => thesis,
+            MvPreset::Released => MvSmplifyOptions { translations: Translations::Free, ..thesis },
+            MvPreset::Refined => MvSmplifyOptions {
+                mean_pose: MeanPose::Chordal,
+                starting_translation: StartingTranslation::LeastSquares,
+                translations: Translations::Free,
+                shared: Descent { steps: 200, learning_rate: 2e-2, final_learning_rate: 2e-3 },
+                retry: true,
+                ..thesis
+            },
+        }
+    }
+}
+
+impl Default for MvSmplifyOptions {
+    /// [`MvPreset::Refined`].
+    fn default() -> MvSmplifyOptions {
+        MvPreset::default().options()
+    }
+}
