@@ -12,7 +12,9 @@ pub mod marching_cubes;
 pub mod mesh;
 pub mod person_crop;
 pub mod reconstruct;
+pub mod regress;
 pub mod render;
+pub mod rotation;
 pub mod session;
 pub mod skinning;
 #[cfg(test)]

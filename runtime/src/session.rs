@@ -237,6 +237,8 @@ pub struct Session {
     inputs: Vec<TensorInfo>,
     outputs: Vec<TensorInfo>,
     metadata: BTreeMap<String, String>,
+    /// The graph's own names of tensors that go by other ones here.
+    own_names: BTreeMap<String, String>,
 }
 
 impl Session {
@@ -283,7 +285,14 @@ impl Session {
         })?;
         let inputs = session.inputs().iter().map(TensorInfo::of).collect();
         let outputs = session.outputs().iter().map(TensorInfo::of).collect();
-        Ok(Session { path: path.to_path_buf(), session, inputs, outputs, metadata })
+        Ok(Session {
+            path: path.to_path_buf(),
+            session,
+            inputs,
+            outputs,
+            metadata,
+            own_names: BTreeMap::new(),
+        })
     }
 
     /// The file, or the name it was loaded under.
@@ -304,6 +313,41 @@ impl Session {
     /// The graph's `metadata_props`.
     pub fn metadata(&self) -> &BTreeMap<String, String> {
         &self.metadata
+    }
+
+    /// Lets tensors go by other names from here on: `own_names` has the graph's own name of each new one.
+    ///
+    /// # Errors
+    /// [`Error::Graph`] when the graph has no such tensor, or the new name is another tensor's.
+    pub fn rename(&mut self, own_names: &BTreeMap<String, String>) -> Result<()> {
+        let fault =
+            |item: String, message: String| Err(Error::Graph { path: self.path.clone(), item, message });
+        let all = || self.inputs.iter().chain(&self.outputs);
+        for (name, own) in own_names {
+            if all().all(|info| info.name != *own) {
+                let message = format!(
+                    "the graph has no such input or output; it has {} and {}",
+                    names(&self.inputs),
+                    names(&self.outputs)
+                );
+                return fault(format!("tensor \"{own}\" (for \"{name}\")"), message);
+            }
+            let taken =
+                |info: &TensorInfo| info.name == *name && !own_names.values().any(|own| *own == *name);
+            if name != own && all().any(taken) {
+                return fault(
+                    format!("tensor \"{name}\""),
+                    format!("it cannot be \"{own}\": the graph has both"),
+                );
+            }
+        }
+        for info in self.inputs.iter_mut().chain(&mut self.outputs) {
+            if let Some((name, _)) = own_names.iter().find(|(_, own)| **own == info.name) {
+                info.name.clone_from(name);
+            }
+        }
+        self.own_names.clone_from(own_names);
+        Ok(())
     }
 
     /// Runs the graph: every input by name, the wanted outputs in the order asked for.
@@ -338,7 +382,7 @@ impl Session {
         for (name, held) in &held {
             let name_fault = |error| fault(&format!("input \"{name}\""), &error);
             given.push((
-                name,
+                own_name(&self.own_names, name),
                 match held {
                     Held::F32(array) => TensorRef::from_array_view(array).map_err(name_fault)?.into(),
                     Held::I64(array) => TensorRef::from_array_view(array).map_err(name_fault)?.into(),
@@ -347,8 +391,8 @@ impl Session {
             ));
         }
 
-        let selector =
-            outputs.iter().fold(OutputSelector::no_default(), |selector, name| selector.with(*name));
+        let own = outputs.iter().map(|name| own_name(&self.own_names, name));
+        let selector = own.fold(OutputSelector::no_default(), |selector, name| selector.with(name));
         let options = RunOptions::new().map_err(|error| fault("run", &error))?.with_outputs(selector);
         let mut results =
             self.session.run_with_options(given, &options).map_err(|error| fault("run", &error))?;
@@ -356,7 +400,7 @@ impl Session {
             .iter()
             .map(|name| {
                 let item = format!("output \"{name}\"");
-                let value = results.remove(name).ok_or_else(|| Error::Graph {
+                let value = results.remove(own_name(&self.own_names, name)).ok_or_else(|| Error::Graph {
                     path: path.clone(),
                     item: item.clone(),
                     message: "ONNX Runtime gave no value for it; ask for each output once".to_string(),
@@ -395,6 +439,11 @@ impl Session {
         }
         Ok(())
     }
+}
+
+/// What the graph itself calls a tensor.
+fn own_name<'a>(own_names: &'a BTreeMap<String, String>, name: &'a str) -> &'a str {
+    own_names.get(name).map_or(name, String::as_str)
 }
 
 /// Names in quotes, for messages.

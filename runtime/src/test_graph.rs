@@ -133,6 +133,17 @@ impl GraphBuilder {
         self
     }
 
+    /// f32 numbers as an initialiser.
+    pub(crate) fn numbers(mut self, name: &str, shape: &[u64], values: &[f32]) -> Self {
+        message(5, &mut self.graph, |tensor| {
+            shape.iter().for_each(|&side| number(1, side, tensor));
+            number(2, Element::F32 as u64, tensor);
+            bytes(8, name.as_bytes(), tensor);
+            bytes(9, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>(), tensor);
+        });
+        self
+    }
+
     /// The file: ONNX IR 10, operator set 21.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut model = Vec::new();

@@ -9,6 +9,9 @@ use crate::error::{Error, Result};
 /// What every key of ours begins with inside a graph.
 const PREFIX: &str = "vitruvian.";
 
+/// What the keys begin with that say what the graph calls a tensor.
+const TENSORS: &str = "tensors.";
+
 /// The only version of the contract there is.
 const VERSION: &str = "1";
 
@@ -40,6 +43,12 @@ impl Declaration {
 
     pub(super) fn fault(&self, key: &str, message: &str) -> Error {
         Error::Graph { path: self.path.clone(), item: item(key), message: message.to_string() }
+    }
+
+    /// The graph's own names of tensors, by the names of the contract: the keys `tensors.NAME`.
+    pub(super) fn tensor_names(&self) -> BTreeMap<String, String> {
+        let named = self.keys.iter().filter_map(|(key, own)| Some((key.strip_prefix(TENSORS)?, own)));
+        named.map(|(name, own)| (name.to_string(), own.clone())).collect()
     }
 
     fn get(&self, key: &str, expected: &str) -> Result<&str> {
@@ -137,5 +146,12 @@ fn side_file(path: &Path) -> Result<BTreeMap<String, String>> {
             ))),
         }
     };
-    table.into_iter().map(entry).collect()
+    // The one table within the table, [tensors], becomes the keys tensors.NAME.
+    let flat = table.into_iter().flat_map(|(key, value)| match value {
+        toml::Value::Table(names) if format!("{key}.") == TENSORS => {
+            names.into_iter().map(|(name, own)| (format!("{TENSORS}{name}"), own)).collect()
+        }
+        value => vec![(key, value)],
+    });
+    flat.map(entry).collect()
 }

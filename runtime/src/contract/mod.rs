@@ -2,7 +2,8 @@
 //!
 //! A graph says what it is in its ONNX `metadata_props`, key `vitruvian.kind`; kind by kind, the table below fixes
 //! its tensors, and further keys its conventions. Keys that an export lacks can be given in a side file `GRAPH.toml`
-//! (beside `GRAPH.onnx`, same keys without the prefix), so that foreign exports run too; a key in the graph wins.
+//! (beside `GRAPH.onnx`, same keys without the prefix), so that foreign exports run too; a key in the graph wins. Tensors
+//! that go by other names in the graph are named in the side file's table `[tensors]`, such as `pose = "pred_rotmat"`.
 //!
 //! | kind | inputs → outputs | keys |
 //! |---|---|---|
@@ -10,8 +11,11 @@
 //! | `mf-pifu.query` | features_1..K, uv f32\[N,P,2\], depth f32\[N,P\] → occupancy f32\[P\] | align_corners, inside, level, depth_center, depth_scale |
 //! | `vsr.encoder` | voxels f32\[1,1,D,D,D\] → features_1..K f32\[1,C_k,D_k,D_k,D_k\] | resolution |
 //! | `vsr.query` | features_1..K, points f32\[P,3\] (−1..1, x first) → occupancy f32\[P\] | align_corners, inside, level |
-//! | `regressor` | image f32\[N,3,S,S\] → pose f32\[N,24,3,3\], \[N,144\] or \[N,72\], betas f32\[N,B\], camera f32\[N,3\] | image_size, mean, std, background, focal_length |
+//! | `regressor` | image f32\[N,3,S,S\] → pose f32\[N,24,3,3\], \[N,144\] or \[N,72\], betas f32\[N,B\], camera f32\[N,3\] | image_size, mean, std; background and focal_length if need be |
 //! | `body` | pose f32\[N,72\], betas f32\[N,B\] → vertices f32\[N,V,3\], joints f32\[N,24,3\] | |
+//!
+//! A regressor's pose may also be laid out as \[N,216\] or \[N,24,9\] (matrices by rows), \[N,24,6\] or \[N,24,3,2\] (two
+//! columns), \[N,24,3\] (axis–angle).
 //!
 //! Sides named by a letter may be free in the graph; a number must be that number or free. Cameras never enter a graph.
 
@@ -120,10 +124,21 @@ pub enum DepthScale {
 pub enum PoseForm {
     /// Rotation matrices \[N,24,3,3\].
     Matrices,
-    /// The first two columns of each, \[N,144\].
+    /// The first two columns of each, interleaved: a 3×2 array by rows, \[N,144\].
     SixD,
     /// Axis-angle \[N,72\].
     AxisAngle,
+}
+
+impl PoseForm {
+    /// The numbers of one joint.
+    pub fn width(self) -> usize {
+        match self {
+            PoseForm::Matrices => 9,
+            PoseForm::SixD => 6,
+            PoseForm::AxisAngle => 3,
+        }
+    }
 }
 
 /// What a graph declares, checked and typed, kind by kind.
@@ -198,7 +213,8 @@ impl Contract {
         }
     }
 
-    /// Checks a loaded graph, with the side file beside it if there is one.
+    /// Checks a loaded graph, with the side file beside it if there is one. Tensors are looked for by the names that they
+    /// have; [`Graph::load`] lets them go by the contract's first.
     ///
     /// # Errors
     /// [`Error::Graph`] naming the property or tensor that is missing, unreadable or different, with what was expected;
@@ -227,8 +243,9 @@ impl Graph {
     /// # Errors
     /// As [`Session::load`] and [`Contract::of`]; [`Error::Graph`] when the kind is another.
     pub fn load(path: impl AsRef<Path>, kind: Kind, settings: &Settings) -> Result<Graph> {
-        let session = Session::load(path, settings)?;
+        let mut session = Session::load(path, settings)?;
         let declaration = Declaration::read(session.path(), session.metadata())?;
+        session.rename(&declaration.tensor_names())?;
         let found = declaration.kind()?;
         if found != kind {
             return Err(Error::Graph {
@@ -249,7 +266,7 @@ impl Graph {
 fn read(kind: Kind, declared: &Declaration, tensors: &Signature) -> Result<Contract> {
     Ok(match kind {
         Kind::MfPifuEncoder => {
-            let image = image_input(declared)?;
+            let image = image_input(declared, declared.number("background")?)?;
             tensors.input("images", &[None, Some(3), Some(image.size), Some(image.size)])?;
             tensors.only_inputs(&["images"], 0)?;
             let channels = tensors.features(tensors.outputs, "output", 4)?;
@@ -298,7 +315,9 @@ fn read(kind: Kind, declared: &Declaration, tensors: &Signature) -> Result<Contr
             }
         }
         Kind::Regressor => {
-            let image = image_input(declared)?;
+            // The person crop is black beyond the photograph before it is normalised, so that no graph need say more.
+            let background = declared.optional_number("background")?.unwrap_or(0.0);
+            let image = image_input(declared, background)?;
             tensors.input("image", &[None, Some(3), Some(image.size), Some(image.size)])?;
             tensors.only_inputs(&["image"], 0)?;
             let pose = tensors.one_of(
@@ -307,16 +326,22 @@ fn read(kind: Kind, declared: &Declaration, tensors: &Signature) -> Result<Contr
                     (PoseForm::Matrices, &[None, Some(24), Some(3), Some(3)]),
                     (PoseForm::SixD, &[None, Some(144)]),
                     (PoseForm::AxisAngle, &[None, Some(72)]),
+                    (PoseForm::Matrices, &[None, Some(24), Some(9)]),
+                    (PoseForm::Matrices, &[None, Some(216)]),
+                    (PoseForm::SixD, &[None, Some(24), Some(3), Some(2)]),
+                    (PoseForm::SixD, &[None, Some(24), Some(6)]),
+                    (PoseForm::AxisAngle, &[None, Some(24), Some(3)]),
                 ],
             )?;
             let betas = tensors.output("betas", &[None, None])?[1];
             tensors.output("camera", &[None, Some(3)])?;
-            Contract::Regressor {
-                image,
-                pose,
-                betas,
-                focal_length_px: declared.optional_number("focal_length")?,
+            let focal_length_px = declared.optional_number("focal_length")?;
+            if focal_length_px.is_some_and(|focal| focal <= 0.0) {
+                return Err(
+                    declared.fault("focal_length", "expected a positive number of pixels of the crop")
+                );
             }
+            Contract::Regressor { image, pose, betas, focal_length_px }
         }
         Kind::Body => {
             tensors.input("pose", &[None, Some(72)])?;
@@ -329,16 +354,13 @@ fn read(kind: Kind, declared: &Declaration, tensors: &Signature) -> Result<Contr
     })
 }
 
-fn image_input(declared: &Declaration) -> Result<ImageInput> {
+fn image_input(declared: &Declaration, background: f64) -> Result<ImageInput> {
     let std = declared.three_numbers("std")?;
     if std.contains(&0.0) {
         return Err(declared.fault("std", "found a 0, expected three numbers to divide by"));
     }
-    let normalization = Normalization {
-        mean: declared.three_numbers("mean")?,
-        std,
-        background: declared.number("background")? as f32,
-    };
+    let normalization =
+        Normalization { mean: declared.three_numbers("mean")?, std, background: background as f32 };
     Ok(ImageInput { size: declared.count("image_size", 8192)?, normalization })
 }
 

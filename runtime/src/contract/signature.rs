@@ -39,11 +39,10 @@ impl Signature<'_> {
     ) -> Result<Vec<Option<usize>>> {
         let item = format!("{role} \"{name}\"");
         let Some(found) = among.iter().find(|info| info.name == name) else {
-            let names: Vec<_> = among.iter().map(|info| format!("\"{}\"", info.name)).collect();
             let message = format!(
                 "it is missing, expected {}; the graph's {role}s are {}",
                 words(expected),
-                names.join(", ")
+                quoted(among)
             );
             return Err(self.fault(item, message));
         };
@@ -56,15 +55,28 @@ impl Signature<'_> {
     }
 
     /// Checks an output that may have one of several shapes and returns what stands beside the fitting one.
-    pub(super) fn one_of<T: Copy>(&self, name: &str, forms: &[(T, Sides)]) -> Result<T> {
+    pub(super) fn one_of<T: Copy + PartialEq>(&self, name: &str, forms: &[(T, Sides)]) -> Result<T> {
         let any = forms.iter().map(|(_, sides)| words(sides)).collect::<Vec<_>>().join(" or ");
         let item = format!("output \"{name}\"");
         let Some(found) = self.outputs.iter().find(|info| info.name == name) else {
-            return Err(self.fault(item, format!("it is missing, expected {any}")));
+            let names = quoted(self.outputs);
+            return Err(
+                self.fault(item, format!("it is missing, expected {any}; the graph's outputs are {names}"))
+            );
         };
-        let form = forms.iter().find(|(_, sides)| fits(found, sides));
-        form.map(|(form, _)| *form)
-            .ok_or_else(|| self.fault(item, format!("found {}, expected {any}", found.signature())))
+        let fitting: Vec<T> =
+            forms.iter().filter(|(_, sides)| fits(found, sides)).map(|(form, _)| *form).collect();
+        match fitting.split_first() {
+            None => Err(self.fault(item, format!("found {}, expected {any}", found.signature()))),
+            Some((form, others)) if others.iter().all(|other| other == form) => Ok(*form),
+            Some(_) => Err(self.fault(
+                item,
+                format!(
+                    "found {}, which may be any of {any}: export it with all sides fixed but the first",
+                    found.signature()
+                ),
+            )),
+        }
     }
 
     /// Checks features_1, features_2, … (at least one, each of the same rank) and returns their channels C_k.
@@ -108,6 +120,11 @@ fn fits(found: &TensorInfo, expected: Sides) -> bool {
     found.element == "f32"
         && found.shape.len() == expected.len()
         && found.shape.iter().zip(expected).all(side_fits)
+}
+
+/// Names in quotes.
+fn quoted(tensors: &[TensorInfo]) -> String {
+    tensors.iter().map(|info| format!("\"{}\"", info.name)).collect::<Vec<_>>().join(", ")
 }
 
 /// An expectation as `f32[?, 3]`.

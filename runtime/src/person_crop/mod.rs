@@ -9,9 +9,9 @@ use image::{GenericImageView, GrayImage, Rgb, RgbImage};
 use crate::error::{Error, Result};
 
 #[cfg(test)]
-mod goldens;
+pub(crate) mod goldens;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 /// The box's side over the longer side of the person's rectangle.
 const MARGIN: f64 = 1.2;

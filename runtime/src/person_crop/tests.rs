@@ -5,7 +5,7 @@ use super::{Crop, PersonBox, crop};
 use crate::error::Error;
 
 /// The goldens' photograph: smooth in its upper half, and below it noise that every language makes alike.
-fn photograph() -> RgbImage {
+pub(crate) fn photograph() -> RgbImage {
     RgbImage::from_fn(WIDTH, HEIGHT, |u, v| {
         Rgb([0, 1, 2].map(|c| {
             let smooth = 2 * u + 3 * v + 20 * c;

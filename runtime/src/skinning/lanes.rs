@@ -1,7 +1,8 @@
 //! Eight frames in the lanes of a vector: correctives, blending, and back to f64.
 
-use super::skeleton::{Skeleton, rotation_minus_identity};
+use super::skeleton::Skeleton;
 use super::{Frame, Person, Skinner};
+use crate::rotation::rotation_minus_identity;
 
 /// Frames that are skinned together: one AVX register, or two of SSE, for each number of a vertex.
 pub const LANES: usize = 8;

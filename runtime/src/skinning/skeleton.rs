@@ -1,9 +1,7 @@
 //! The joints, in f64: where they rest for a shape, how they turn, and what they do to the skin.
 
 use crate::file::body::BodyArrays;
-
-/// A 3 × 3 matrix by rows.
-pub type Matrix3 = [[f64; 3]; 3];
+use crate::rotation::Matrix3;
 
 /// The joints of a body without its skin.
 pub struct Skeleton {
@@ -94,29 +92,4 @@ fn apply(m: &Matrix3, x: [f64; 3]) -> [f64; 3] {
 
 fn multiply(a: &Matrix3, b: &Matrix3) -> Matrix3 {
     std::array::from_fn(|r| std::array::from_fn(|c| (0..3).map(|k| a[r][k] * b[k][c]).sum()))
-}
-
-/// R − I of an axis–angle vector (radians): sin α \[n\]× + 2 sin²(α/2) (n nᵀ − I).
-///
-/// No term cancels: a turn by 10⁻⁴ has all its digits, which R itself would hide behind its 1s.
-pub fn rotation_minus_identity(axis_angle: [f64; 3]) -> Matrix3 {
-    let largest = axis_angle.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
-    if largest == 0.0 {
-        return [[0.0; 3]; 3];
-    }
-    // Scaled first, so that squares neither vanish nor overflow.
-    let scaled = axis_angle.map(|x| x / largest);
-    let length = scaled.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let n = scaled.map(|x| x / length);
-    // Beyond the range of f64 there is no angle left to speak of: the largest one stands for it.
-    let angle = (largest * length).min(f64::MAX);
-    let (sin, half) = (angle.sin(), (0.5 * angle).sin());
-    let versine = 2.0 * half * half;
-    let [x, y, z] = n;
-    let mixed = |a: f64, b: f64| versine * a * b;
-    [
-        [-versine * (y * y + z * z), mixed(x, y) - sin * z, mixed(x, z) + sin * y],
-        [mixed(x, y) + sin * z, -versine * (x * x + z * z), mixed(y, z) - sin * x],
-        [mixed(x, z) - sin * y, mixed(y, z) + sin * x, -versine * (x * x + y * y)],
-    ]
 }

@@ -1,5 +1,5 @@
-use super::skeleton::rotation_minus_identity;
 use super::*;
+use crate::rotation::rotation_minus_identity;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Three vertices on two bones; one beta lengthens the second; a quarter turn of joint 1 about z lifts the last vertex.
