@@ -3,7 +3,7 @@
     models/.venv/bin/python reference/goldens/generate.py
 
 Everything is computed in float64 from inputs that the Rust tests make by the same rule (`pattern`), so that only answers
-are stored: `reference/src/nn/goldens/operators.rs` and `reference/src/network/goldens.rs`.
+are stored: `reference/src/nn/goldens/operators.rs`, `reference/src/network/goldens.rs` and `reference/src/loss/goldens.rs`.
 """
 import sys
 import textwrap
@@ -15,6 +15,7 @@ from torch import Tensor
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "models"))
+import losses  # noqa: E402
 from networks import mf_pifu, regressor, vsr  # noqa: E402
 
 HEAD = """// Written by reference/goldens/generate.py with PyTorch {version} in float64; regenerate with
@@ -127,6 +128,44 @@ def networks() -> dict[str, Tensor | list[Tensor]]:
     return out
 
 
+def regressor_losses() -> dict[str, Tensor | list[Tensor]]:
+    """The value and gradient of each loss that models/losses.py trains the regressor on, and of the printed norms."""
+    out: dict[str, Tensor | list[Tensor]] = {}
+    everyone = torch.ones(2, dtype=torch.bool)
+
+    def inputs(*shape: int) -> tuple[Tensor, Tensor]:
+        return pattern(shape, 1).requires_grad_(), pattern(shape, 2)
+
+    def slope(name: str, loss: Tensor, *predicted: Tensor) -> None:
+        out[name] = [loss, *torch.autograd.grad(loss, predicted)]
+
+    keypoints, joints, pose = inputs(2, 24, 2), inputs(2, 24, 3), inputs(2, 24, 3, 3)
+    betas, vertices = inputs(2, 10), inputs(2, 7, 3)
+    confidence = pattern((48,), 3).abs().reshape(2, 24)
+    slope("KEYPOINT_LOSS", losses.keypoint_loss(*keypoints, confidence), keypoints[0])
+    slope("JOINT_LOSS", losses.joint_loss(*joints, confidence), joints[0])
+    slope("POSE_LOSS", losses.pose_loss(*pose, everyone), pose[0])
+    slope("BETAS_LOSS", losses.betas_loss(*betas, everyone), betas[0])
+    slope("VERTEX_LOSS", losses.vertex_loss(*vertices, everyone), vertices[0])
+    slope("SUM_OF_NORMS", (keypoints[0] - keypoints[1]).norm(dim=-1).sum(), keypoints[0])
+    scales = (pattern((5,), 1) / 4).requires_grad_()
+    slope("CAMERA_LOSS", losses.camera_loss(scales[:, None]), scales)
+    scales = torch.tensor([0.1, 0.9], dtype=torch.float64, requires_grad=True)
+    ones = torch.ones(2, 24, dtype=torch.float64)
+    loss = losses.total(
+        losses.Weights(),
+        keypoints=losses.keypoint_loss(*keypoints, ones),
+        joints=losses.joint_loss(*joints, ones),
+        pose=losses.pose_loss(*pose, everyone),
+        betas=losses.betas_loss(*betas, everyone),
+        vertices=losses.vertex_loss(*vertices, everyone),
+        camera=losses.camera_loss(scales[:, None]),
+    )
+    slope("REGRESSOR_LOSS", loss, *(pair[0] for pair in (keypoints, joints, pose, betas, vertices)), scales)
+    return out
+
+
 if __name__ == "__main__":
     write("reference/src/nn/goldens/operators.rs", "super", operators())
     write("reference/src/network/goldens.rs", "crate::nn::goldens", networks())
+    write("reference/src/loss/goldens.rs", "crate::nn::goldens", regressor_losses())

@@ -54,6 +54,7 @@
 //! | ch. 3, shape from silhouettes | 3.5–3.11, table 3.1 (errata E9–E14d) | [`fitting::silhouette`] |
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |
 //! | ch. 4, regressor | – (erratum E50) | [`network::regressor`] |
+//! | ch. 4, training of the regressor | 4.1, 4.3–4.6 (errata E41–E43) | [`loss`] |
 //! | ch. 4, camera and rotations of the regressor | – | [`camera::WeakPerspective`], [`rotation::from_six_d`] |
 //! | ch. 4, MPJPE, reconstruction error, PCK, AUC | – | [`metric::joint_errors`], [`metric::pck`], [`metric::procrustes`] |
 //! | ch. 5, MF-PIFu | 5.1–5.3 | [`network::mf_pifu`] |

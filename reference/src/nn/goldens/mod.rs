@@ -1,6 +1,6 @@
 //! What PyTorch answers, in f64, to inputs that both sides make by the same rule.
 //!
-//! `operators.rs` here and `network/goldens.rs` are written by one command, which needs the environment of `models/`:
+//! `operators.rs` here, `network/goldens.rs` and `loss/goldens.rs` are written by one command, which needs the environment of `models/`:
 //! `models/.venv/bin/python reference/goldens/generate.py`.
 
 mod operators;
