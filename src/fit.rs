@@ -1,7 +1,11 @@
 //! `vitruvian fit`: pose, shape and cameras of the person that a capture shows.
 
+mod batch;
 pub mod fitted;
+mod joint_fit;
 mod marks;
+mod mixture;
+mod mv_smplify;
 mod observed;
 mod overlay;
 mod report;
@@ -23,17 +27,19 @@ use crate::failure::{Failure, Result};
 use crate::output_folder::OutputFolder;
 use crate::{body, progress};
 
-/// Fit a body to a capture: joints of several views (chapter 2), then silhouettes (chapter 3)
+/// Fit a body to a capture: joints of several views (chapter 2), then silhouettes (chapter 3), or from a network (chapter 4)
 ///
 /// Writes params.npz (poses, betas, trans, cameras), body.ply, joints.npz, report.json and overlay_NAME.png into OUT. A
 /// folder of captures is a sequence of one person: each frame starts from the one before, results go to a folder for each,
 /// and all frames together to OUT/params.npz, joints.npz and report.json (offsets, and cameras that were found, stay with
 /// their frames). Exit status 1: a body was found and written, but the report says why it is not to be trusted.
+///
+/// A file BATCH.npz of many scenes is for --method mv-smplify in a training loop: OUT is then a file as well.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Capture (a folder with cameras.json and keypoints/, or masks/ as well), or a folder of captures
+    /// Capture (a folder with cameras.json and keypoints/, or masks/ as well), or a folder of captures, or BATCH.npz
     capture: PathBuf,
-    /// Folder for the results
+    /// Folder for the results; a file for those of a batch
     #[arg(short, long)]
     out: PathBuf,
     #[command(flatten)]
@@ -46,8 +52,11 @@ pub struct Arguments {
     resume: bool,
 }
 
-/// Fits one capture, or every capture of a folder.
+/// Fits one capture, every capture of a folder, or every scene of a batch.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.capture.is_file() {
+        return batch::run(arguments);
+    }
     OutputFolder::check(&arguments.out)?;
     let body = body::load(arguments.choices.body.as_deref())?;
     let settings = Settings::new(&arguments.choices, &body)?;

@@ -6,14 +6,15 @@ use vitruvian_reference::body::Posed;
 use vitruvian_reference::fitting::silhouette::{
     PoseRefinement, SilhouetteFit, SilhouetteOptions, SilhouetteRefusal, Warning, fit_silhouettes,
 };
-use vitruvian_reference::fitting::{Fit, Parameters, Refusal, Verdict};
+use vitruvian_reference::fitting::{Parameters, Refusal};
 use vitruvian_reference::linalg::vector::{Vector3, ZERO};
 use vitruvian_reference::metric::silhouette::mask_iou;
 use vitruvian_reference::silhouette::raster::Raster;
 use vitruvian_runtime::error::Error;
 
+use super::joint_fit::JointFit;
 use super::observed::Observed;
-use super::settings::{Method, Settings};
+use super::settings::{Fitter, Method, Settings};
 use super::{marks, refuse};
 use crate::failure::{Failure, Result};
 
@@ -31,7 +32,7 @@ const LEAST_FAR_PX: f64 = 3.0;
 /// What was found of one capture.
 pub struct Fitted {
     /// The fit to the joints.
-    pub joints: Fit,
+    pub joints: JointFit,
     /// The fit to the masks.
     pub silhouettes: Option<SilhouetteFit>,
     /// The answer: that of the last of the two.
@@ -48,10 +49,16 @@ impl Fitted {
     /// Fits the body to a capture, from `before` where that is the person a moment ago.
     pub fn of(observed: &Observed, settings: &Settings, before: Option<&Parameters>) -> Result<Fitted> {
         let clock = Instant::now();
-        let joints = settings
-            .fitter
-            .fit(&observed.observation, &settings.options, before)
-            .map_err(|refusal| named(observed, &refusal))?;
+        let joints = match &settings.fitter {
+            Fitter::Energy { fitter, options, .. } => {
+                fitter.fit(&observed.observation, options, before).map(JointFit::Energy)
+            }
+            Fitter::Collaborative(fitter) => {
+                let start = fitter.start(observed)?;
+                fitter.fit(&observed.observation, &start).map(JointFit::Collaborative)
+            }
+        };
+        let joints = joints.map_err(|refusal| named(observed, &refusal))?;
         let mut seconds = vec![("joints", clock.elapsed().as_secs_f64())];
         let mut silhouettes = None;
         if settings.method == Method::Silhouette {
@@ -65,7 +72,7 @@ impl Fitted {
                 (fit.parameters.clone(), posed)
             }
             None => {
-                let found = joints.parameters.clone();
+                let found = joints.parameters().clone();
                 let posed = settings.body.pose(&found.pose, &found.betas, found.trans);
                 (found, posed)
             }
@@ -96,19 +103,7 @@ impl Fitted {
 
     /// Why the answer is not to be trusted, if it is not.
     pub fn distrust(&self, observed: &Observed) -> Option<String> {
-        match &self.joints.verdict {
-            Verdict::Success => self.distrust_of_masks(observed),
-            Verdict::ViewsDisagree { views } => {
-                let names: Vec<&str> = views.iter().map(|&view| observed.name(view)).collect();
-                let worst = views.iter().map(|&v| self.joints.views[v].max_px).fold(0.0, f64::max);
-                Some(format!(
-                    "camera {}: no body of this shape lies on the keypoints of all views (errors up to {worst:.0} px): are they of the \
-                     same person and moment, left and right as on the person, and the cameras right?",
-                    names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
-                ))
-            }
-            verdict => Some(verdict.to_string()),
-        }
+        self.joints.distrust(observed).or_else(|| self.distrust_of_masks(observed))
     }
 
     fn distrust_of_masks(&self, observed: &Observed) -> Option<String> {
@@ -132,7 +127,7 @@ impl Fitted {
     /// What the user should know beside the verdict: keypoints that were hardly believed, masks at the border.
     pub fn warnings(&self, observed: &Observed, settings: &Settings) -> Vec<String> {
         let about = |view: usize| format!("{}: camera \"{}\"", observed.path.display(), observed.name(view));
-        let far_px = FAR_IN_NOISE * self.joints.noise_px.unwrap_or(0.0).max(LEAST_FAR_PX / FAR_IN_NOISE);
+        let far_px = FAR_IN_NOISE * self.joints.noise_px().unwrap_or(0.0).max(LEAST_FAR_PX / FAR_IN_NOISE);
         let far = (0..observed.observation.views.len()).filter_map(|view| {
             let far: Vec<String> = marks::of_view(observed, self, settings.body, view)
                 .iter()
@@ -151,7 +146,7 @@ impl Fitted {
             })
         });
         // Without the polishing stage no noise is known that would tell an outlier.
-        let far = far.filter(|_| self.joints.noise_px.is_some());
+        let far = far.filter(|_| self.joints.noise_px().is_some());
         let masks = self.silhouettes.iter().flat_map(|fit| &fit.warnings);
         let masks = masks.map(|Warning::MaskTouchesBorder { view }| {
             format!(
@@ -164,8 +159,8 @@ impl Fitted {
 
     /// One line for the terminal.
     pub fn words(&self) -> String {
-        let points: usize = self.joints.views.iter().map(|view| view.count).sum();
-        let square: f64 = self.joints.views.iter().map(|v| v.count as f64 * v.rms_px * v.rms_px).sum();
+        let points: usize = self.joints.views().iter().map(|view| view.count).sum();
+        let square: f64 = self.joints.views().iter().map(|v| v.count as f64 * v.rms_px * v.rms_px).sum();
         let mut words = format!("keypoints {:.2} px rms", (square / points.max(1) as f64).sqrt());
         if let Some(iou) = self.mean_iou() {
             words += &format!(", IoU {iou:.3}");
@@ -176,10 +171,10 @@ impl Fitted {
 }
 
 /// Goes on from the joints to the masks.
-fn to_masks(observed: &Observed, settings: &Settings, joints: &Fit) -> Result<SilhouetteFit> {
+fn to_masks(observed: &Observed, settings: &Settings, joints: &JointFit) -> Result<SilhouetteFit> {
     let masks: Vec<_> = observed.masks.iter().flatten().cloned().collect();
     let noise_px =
-        joints.noise_px.map_or(PoseRefinement::default().keypoint_sigma_px, |s| s.max(LEAST_NOISE_PX));
+        joints.noise_px().map_or(PoseRefinement::default().keypoint_sigma_px, |s| s.max(LEAST_NOISE_PX));
     let refine_pose = settings
         .refine_pose
         .then(|| PoseRefinement { keypoint_sigma_px: noise_px, ..PoseRefinement::default() });
@@ -190,7 +185,7 @@ fn to_masks(observed: &Observed, settings: &Settings, joints: &Fit) -> Result<Si
         ..SilhouetteOptions::default()
     };
     let keypoints = Some(&observed.observation);
-    fit_silhouettes(settings.body, &joints.parameters, &masks, keypoints, &options).map_err(|refusal| {
+    fit_silhouettes(settings.body, joints.parameters(), &masks, keypoints, &options).map_err(|refusal| {
         let view = match refusal {
             SilhouetteRefusal::EmptyMask { view }
             | SilhouetteRefusal::FullMask { view }

@@ -38,7 +38,10 @@ impl Observed {
             capture.views.truncate(1);
         }
         let keypoint_set = one_set(path, &capture)?;
-        let extrinsics = extrinsics(path, &capture, settings.cameras)?;
+        // This method does not look where the cameras stand.
+        let cameras =
+            if settings.method == Method::MvSmplify { Some(Cameras::Unknown) } else { settings.cameras };
+        let extrinsics = extrinsics(path, &capture, cameras)?;
         let mut warnings = Vec::new();
         let views = capture.views.iter().map(|view| {
             let name = &view.camera.name;

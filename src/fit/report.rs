@@ -1,8 +1,8 @@
 //! `report.json`: what was fitted, how each stage ended, and how well the answer explains what was seen.
 
 use serde_json::{Map, Value, json};
+use vitruvian_reference::fitting::Extrinsics;
 use vitruvian_reference::fitting::silhouette::{SilhouetteFit, SilhouetteStage, StageKind};
-use vitruvian_reference::fitting::{Extrinsics, StageReport, Verdict};
 use vitruvian_reference::linalg::vector::norm;
 
 use super::fitted::Fitted;
@@ -14,7 +14,7 @@ pub fn report(observed: &Observed, fitted: &Fitted, settings: &Settings) -> Valu
     let joints = &fitted.joints;
     let set = observed.observation.keypoint_set;
     let views: Map<String, Value> = joints
-        .views
+        .views()
         .iter()
         .enumerate()
         .map(|(i, view)| {
@@ -34,31 +34,17 @@ pub fn report(observed: &Observed, fitted: &Fitted, settings: &Settings) -> Valu
         "capture": observed.path.display().to_string(),
         "options": settings.json(),
         "success": fitted.distrust(observed).is_none(),
-        "verdict": verdict(&joints.verdict),
+        "verdict": joints.verdict(),
         "why": fitted.distrust(observed),
         "extrinsics": match observed.observation.extrinsics {
             Extrinsics::Known => "known",
             Extrinsics::Unknown => "unknown",
         },
-        "joints": {
-            "energy_px2": joints.energy,
-            "noise_px": joints.noise_px,
-            "left_out": joints.left_out.iter().map(|&k| set.name(k)).collect::<Vec<_>>(),
-            "stages": joints.stages.iter().map(stage).collect::<Vec<_>>(),
-        },
+        "joints": joints.json(set),
         "silhouettes": fitted.silhouettes.as_ref().map(|fit| silhouettes(fit, observed)),
         "views": views,
         "mean_iou": fitted.mean_iou(),
         "seconds": seconds,
-    })
-}
-
-fn stage(stage: &StageReport) -> Value {
-    json!({
-        "energy": stage.energy,
-        "iterations": stage.iterations,
-        "evaluations": stage.evaluations,
-        "ending": stage.termination.to_string(),
     })
 }
 
@@ -92,16 +78,4 @@ fn silhouettes(fit: &SilhouetteFit, observed: &Observed) -> Value {
         "mask_bias_px": fit.mask_bias_px,
         "largest_offset_m": longest,
     })
-}
-
-/// A verdict in one word.
-fn verdict(verdict: &Verdict) -> &'static str {
-    match verdict {
-        Verdict::Success => "success",
-        Verdict::NotConverged => "not-converged",
-        Verdict::ViewsDisagree { .. } => "views-disagree",
-        Verdict::ImplausibleBody { .. } => "implausible-body",
-        Verdict::ImplausiblePose { .. } => "implausible-pose",
-        Verdict::SidesExchanged => "sides-exchanged",
-    }
 }

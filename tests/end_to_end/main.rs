@@ -8,6 +8,7 @@ mod demo;
 mod evaluate;
 mod fit;
 mod mesh;
+mod mv_smplify;
 mod pose;
 mod real_body;
 mod reconstruct;

@@ -69,6 +69,15 @@ impl MvPreset {
     /// All presets.
     pub const ALL: [MvPreset; 3] = [MvPreset::Thesis, MvPreset::Released, MvPreset::Refined];
 
+    /// The name that commands and reports use.
+    pub fn name(self) -> &'static str {
+        match self {
+            MvPreset::Thesis => "thesis",
+            MvPreset::Released => "released",
+            MvPreset::Refined => "refined",
+        }
+    }
+
     /// What the preset stands for; without a mixture, which is data of others.
     pub fn options(self) -> MvSmplifyOptions {
         let thesis = MvSmplifyOptions {
