@@ -7,7 +7,7 @@ mod marks;
 mod mixture;
 mod mv_smplify;
 mod observed;
-mod overlay;
+pub mod overlay;
 mod report;
 mod sequence;
 mod settings;

@@ -17,6 +17,7 @@ mod output_folder;
 mod pose;
 pub mod progress;
 mod reconstruct;
+mod regress;
 pub mod synthesis;
 mod synthesize;
 pub mod table;
@@ -42,6 +43,7 @@ enum Command {
     Demo(demo::Arguments),
     Fit(fit::Arguments),
     Reconstruct(reconstruct::Arguments),
+    Regress(regress::Arguments),
     Pose(pose::Arguments),
     Mesh(mesh::Arguments),
     Voxelize(voxelize::Arguments),
@@ -56,6 +58,7 @@ pub fn run() -> ExitCode {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Regress(arguments) => regress::run(&arguments),
         Command::Pose(arguments) => pose::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Voxelize(arguments) => voxelize::run(&arguments),

@@ -1,4 +1,4 @@
-//! `overlay_NAME.png`: the fitted body over what the camera saw, with the joints that were detected and that were found.
+//! `overlay_NAME.png`: a body over what the camera saw, with the joints that were detected and that were found.
 
 use image::imageops::{self, FilterType};
 use image::{GrayImage, Rgb, RgbImage};
@@ -16,6 +16,8 @@ const OPACITY: f32 = 0.6;
 
 const DETECTED: Rgb<u8> = Rgb([230, 60, 40]);
 const FOUND: Rgb<u8> = Rgb([30, 90, 230]);
+/// Around where the person was looked for.
+const FRAME: Rgb<u8> = Rgb([240, 200, 40]);
 /// The mask where there is no photograph, and the ground beside it.
 const MASK: Rgb<u8> = Rgb([205, 205, 205]);
 const GROUND: Rgb<u8> = Rgb([245, 245, 245]);
@@ -55,6 +57,20 @@ pub fn draw(body: &Mesh, shown: &Shown) -> RgbImage {
             }
         }
         disc(&mut image, detected, 2.5, DETECTED);
+    }
+    image
+}
+
+/// As [`draw`], with the rectangle from `low` to `high` (photograph pixels) framed: where the person was looked for.
+pub fn draw_framed(body: &Mesh, shown: &Shown, low: [f64; 2], high: [f64; 2]) -> RgbImage {
+    let mut image = draw(body, shown);
+    let factor = f64::from(image.width()) / f64::from(shown.camera.width);
+    // A frame at the border is drawn on its outermost pixels.
+    let size = [image.width(), image.height()].map(f64::from);
+    let [[u0, v0], [u1, v1]] =
+        [low, high].map(|corner| [0, 1].map(|axis| (factor * corner[axis]).clamp(0.0, size[axis] - 1.0)));
+    for (a, b) in [([u0, v0], [u1, v0]), ([u1, v0], [u1, v1]), ([u1, v1], [u0, v1]), ([u0, v1], [u0, v0])] {
+        line(&mut image, a, b, FRAME);
     }
     image
 }

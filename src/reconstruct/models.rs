@@ -55,12 +55,13 @@ pub fn describe(folder: &Path, refine: bool) -> Result<Vec<Value>> {
     if refine {
         names.extend(["vsr_encoder.onnx", "vsr_query.onnx"]);
     }
-    names
-        .into_iter()
-        .map(|name| {
-            let bytes = read_bytes(&folder.join(name), MAX_BYTES)?;
-            let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-            Ok(json!({ "file": name, "bytes": bytes.len(), "sha256": digest }))
-        })
-        .collect()
+    names.into_iter().map(|name| describe_file(&folder.join(name))).collect()
+}
+
+/// Name, size and SHA-256 of one graph.
+pub fn describe_file(path: &Path) -> Result<Value> {
+    let bytes = read_bytes(path, MAX_BYTES)?;
+    let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(json!({ "file": name, "bytes": bytes.len(), "sha256": digest }))
 }
