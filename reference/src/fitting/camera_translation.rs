@@ -21,6 +21,15 @@ use super::observation::Keypoint;
 use crate::camera::Pinhole;
 use crate::linalg::vector::Vector3;
 
+/// The two equations of a point.
+struct Row {
+    /// (x, y).
+    ray: [f64; 2],
+    /// (a, b).
+    side: [f64; 2],
+    weight: f64,
+}
+
 /// The translation t, metres, under which the points X, seen as X + t, come nearest to where the `keypoints` were seen; each
 /// weighs by its confidence. `None` if fewer than two keypoints count, they are seen at one place, or t_z ≤ 0.
 ///
@@ -54,28 +63,28 @@ pub fn least_squares_translation(
         points.len(),
         keypoints.len()
     );
-    // (ray, right-hand side) of both axes, and the weight.
-    let equations: Vec<([f64; 2], [f64; 2], f64)> = points
+    let rows: Vec<Row> = points
         .iter()
         .zip(keypoints)
         .filter(|(_, keypoint)| keypoint.confidence > 0.0)
         .filter_map(|(point, keypoint)| {
             let ray = camera.normalized(keypoint.pixel_px)?;
-            Some((ray, std::array::from_fn(|i| ray[i] * point[2] - point[i]), keypoint.confidence))
+            let side = std::array::from_fn(|i| ray[i] * point[2] - point[i]);
+            Some(Row { ray, side, weight: keypoint.confidence })
         })
         .collect();
-    let total: f64 = equations.iter().map(|(_, _, w)| w).sum();
-    let mean = |of: &dyn Fn(&([f64; 2], [f64; 2], f64)) -> f64| {
-        equations.iter().map(|e| e.2 * of(e)).sum::<f64>() / total
-    };
-    let mean_ray: [f64; 2] = std::array::from_fn(|i| mean(&|e| e.0[i]));
-    let mean_side: [f64; 2] = std::array::from_fn(|i| mean(&|e| e.1[i]));
+    let total: f64 = rows.iter().map(|row| row.weight).sum();
+    let mean_ray: [f64; 2] =
+        std::array::from_fn(|i| rows.iter().map(|row| row.weight * row.ray[i]).sum::<f64>() / total);
+    let mean_side: [f64; 2] =
+        std::array::from_fn(|i| rows.iter().map(|row| row.weight * row.side[i]).sum::<f64>() / total);
     let (mut spread, mut product) = (0.0, 0.0);
-    for (ray, side, w) in &equations {
+    for row in &rows {
         for i in 0..2 {
-            let (off, gain) = (ray[i] - mean_ray[i], w * camera.focal_px[i] * camera.focal_px[i]);
+            let (off, gain) =
+                (row.ray[i] - mean_ray[i], row.weight * camera.focal_px[i] * camera.focal_px[i]);
             spread += gain * off * off;
-            product += gain * off * (side[i] - mean_side[i]);
+            product += gain * off * (row.side[i] - mean_side[i]);
         }
     }
     let t_z = -product / spread;

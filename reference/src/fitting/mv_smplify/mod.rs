@@ -1,5 +1,6 @@
 //! MV-SMPLify: one body for all views, from what a regressor says of each.
 pub mod descent;
+pub mod noise;
 pub mod options;
 mod priors;
 mod reseat;
@@ -130,6 +131,11 @@ impl<'a> MvSmplify<'a> {
             };
             placements.push(stage.run(&placed, &options.torso));
         }
+        let begin = Shared {
+            body_pose: start::mean_pose(starts, options.mean_pose),
+            betas: start::mean_betas(starts, figure.beta_count()),
+            placements,
+        };
         let stage = SharedStage {
             figure: &figure,
             views: &shared_terms,
@@ -137,21 +143,18 @@ impl<'a> MvSmplify<'a> {
                 hinges: &self.hinges,
                 bend_weight: options.bend_weight,
                 shape_weight: options.shape_weight,
+                start_weight: options.start_weight,
+                start: &begin.body_pose,
                 mixture: options.mixture.as_ref().map(|mixture| (options.mixture_weight, mixture)),
             },
             translations: options.translations,
         };
-        let begin = Shared {
-            body_pose: start::mean_pose(starts, options.mean_pose),
-            betas: start::mean_betas(starts, figure.beta_count()),
-            placements,
-        };
-        let fit = self.report(&stage, stage.run(begin.clone(), &options.shared));
+        let fit = self.descend(&stage, begin.clone(), options);
         if fit.valid || !options.retry {
             return Ok(fit);
         }
         let Some(reseated) = reseat::reseated(&stage, &begin, options.sigma_px) else { return Ok(fit) };
-        let again = self.report(&stage, stage.run(reseated, &options.shared));
+        let again = self.descend(&stage, reseated, options);
         Ok(if again.mean_loss < fit.mean_loss { again } else { fit })
     }
 
@@ -197,6 +200,17 @@ impl<'a> MvSmplify<'a> {
             shared.marks.iter().map(|m| mark(m.keypoint)).collect()
         };
         ViewTerm { marks, loss: Loss::Square, ..shared.clone() }
+    }
+
+    /// Stage 2 from `begin`.
+    fn descend(&self, stage: &SharedStage, begin: Shared, options: &MvSmplifyOptions) -> MvFit {
+        let mut shared = stage.run(begin, &options.shared);
+        if let Some(settling) = &options.settling {
+            let factor = stage.prior_factor(&shared);
+            shared =
+                SharedStage { priors: stage.priors.weakened(factor), ..stage.clone() }.run(shared, settling);
+        }
+        self.report(stage, shared)
     }
 
     fn report(&self, stage: &SharedStage, shared: Shared) -> MvFit {

@@ -37,6 +37,9 @@ pub struct MvSmplifyOptions {
     pub depth_weight: f64,
     /// Stage 2.
     pub shared: Descent,
+    /// A second descent of stage 2, with priors no stronger than the noise that the first one left asks for
+    /// ([`noise`](super::noise)).
+    pub settling: Option<Descent>,
     /// Whether stage 2 moves the translations (erratum E45).
     pub translations: Translations,
     /// σ of the Geman–McClure loss in stage 2, pixels: 100.
@@ -45,6 +48,9 @@ pub struct MvSmplifyOptions {
     pub bend_weight: f64,
     /// λ_β: 5.
     pub shape_weight: f64,
+    /// λ_s on θ̃ − θ̃_start, pixels per radian: what the regressor is trusted to know of the pose. 0 in the thesis, whose mixture
+    /// keeps poses likely.
+    pub start_weight: f64,
     /// λ_θ of the mixture, if there is one: 4.78.
     pub mixture_weight: f64,
     /// The mixture over the pose without its root.
@@ -87,10 +93,12 @@ impl MvPreset {
             torso: Descent::constant(100, 1e-2),
             depth_weight: 100.0,
             shared: Descent::constant(100, 1e-2),
+            settling: None,
             translations: Translations::Fixed,
             sigma_px: 100.0,
             bend_weight: 15.2,
             shape_weight: 5.0,
+            start_weight: 0.0,
             mixture_weight: 4.78,
             mixture: None,
             retry: false,
@@ -100,9 +108,10 @@ impl MvPreset {
             MvPreset::Released => MvSmplifyOptions { translations: Translations::Free, ..thesis },
             MvPreset::Refined => MvSmplifyOptions {
                 mean_pose: MeanPose::Chordal,
-                starting_translation: StartingTranslation::LeastSquares,
                 translations: Translations::Free,
-                shared: Descent { steps: 200, learning_rate: 2e-2, final_learning_rate: 2e-3 },
+                shared: Descent { steps: 100, learning_rate: 3e-2, final_learning_rate: 1e-2 },
+                start_weight: 25.0,
+                settling: Some(Descent { steps: 150, learning_rate: 2e-2, final_learning_rate: 2e-3 }),
                 retry: true,
                 ..thesis
             },

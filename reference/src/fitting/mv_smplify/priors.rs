@@ -1,7 +1,8 @@
-//! What the shared stage knows before it sees a mark: bends, shape, and a mixture of poses if there is one.
+//! What the shared stage knows before it sees a mark: bends, shape, where it started, and a mixture of poses if there is one.
 //!
 //! ```text
-//!     E_prior = λ_a² Σ_hinges exp(−2φ) + λ_β² ‖β‖² + λ_θ² min_k [½ (θ̃ − μ_k)ᵀ Σ_k⁻¹ (θ̃ − μ_k) − ln w_k]
+//!     E_prior = λ_a² Σ_hinges exp(−2φ) + λ_β² ‖β‖² + λ_s² ‖θ̃ − θ̃_start‖²
+//!             + λ_θ² min_k [½ (θ̃ − μ_k)ᵀ Σ_k⁻¹ (θ̃ − μ_k) − ln w_k]
 //! ```
 //!
 //! φ is the flexion of an elbow or knee. On SMPL's own skeleton exp(−φ) is exp(±θ) of components 52, 55, 9, 12 of θ̃ with signs
@@ -19,11 +20,27 @@ pub(super) struct Priors<'a> {
     pub bend_weight: f64,
     /// λ_β.
     pub shape_weight: f64,
+    /// λ_s.
+    pub start_weight: f64,
+    /// θ̃_start.
+    pub start: &'a [f64],
     /// λ_θ and the mixture.
     pub mixture: Option<(f64, &'a GaussianMixture)>,
 }
 
-impl Priors<'_> {
+impl<'a> Priors<'a> {
+    /// The same with all weights times `factor`.
+    pub(super) fn weakened(&self, factor: f64) -> Priors<'a> {
+        Priors {
+            hinges: self.hinges,
+            bend_weight: factor * self.bend_weight,
+            shape_weight: factor * self.shape_weight,
+            start_weight: factor * self.start_weight,
+            start: self.start,
+            mixture: self.mixture.map(|(weight, mixture)| (factor * weight, mixture)),
+        }
+    }
+
     /// E_prior at θ̃ and β; adds its derivatives.
     pub(super) fn value_and_slope(
         &self,
@@ -47,6 +64,11 @@ impl Priors<'_> {
         for (beta, by_beta) in betas.iter().zip(by_betas) {
             value += strength * beta * beta;
             *by_beta += 2.0 * strength * beta;
+        }
+        let strength = self.start_weight * self.start_weight;
+        for ((theta, start), by_theta) in body_pose.iter().zip(self.start).zip(&mut *by_pose) {
+            value += strength * (theta - start) * (theta - start);
+            *by_theta += 2.0 * strength * (theta - start);
         }
         if let Some((weight, mixture)) = self.mixture {
             let residuals = mixture.residuals(body_pose);

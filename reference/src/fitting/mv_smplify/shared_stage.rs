@@ -11,6 +11,7 @@
 //! The thesis fixes the translations in this stage, the released code moves them (erratum E45).
 
 use super::descent::Descent;
+use super::noise::prior_factor;
 use super::priors::Priors;
 use super::unrooted::{Unrooted, UnrootedPose};
 use super::view_term::{Placement, ViewTerm};
@@ -104,6 +105,16 @@ impl SharedStage<'_> {
         value + self.priors.value_and_slope(&at.body_pose, &at.betas, by_pose, by_betas)
     }
 
+    /// By how much the marks, as `at` leaves them, allow the priors to be weaker.
+    pub(super) fn prior_factor(&self, at: &Shared) -> f64 {
+        let mut pose = self.figure.room();
+        self.figure.pose(&at.body_pose, &at.betas, &mut pose);
+        let views = self.views.iter().zip(&at.placements);
+        let loss = views.flat_map(|(view, p)| view.losses(p, &pose.points, pose.pelvis)).sum();
+        let marks = self.views.iter().map(|view| view.marks.len()).sum();
+        prior_factor(loss, marks, self.pack(at).len())
+    }
+
     /// Where the descent from `shared` ends.
     pub(super) fn run(&self, mut shared: Shared, descent: &Descent) -> Shared {
         let mut room = self.room();
@@ -180,6 +191,8 @@ mod tests {
                     hinges: &hinges,
                     bend_weight: 15.2,
                     shape_weight: 5.0,
+                    start_weight: 25.0,
+                    start: &[0.1; 69],
                     mixture: Some((4.78, &mixture)),
                 },
                 translations,
@@ -235,7 +248,14 @@ mod tests {
         let figure = figure_of(&skeleton, None, KeypointSet::Smpl24);
         let (terms, mut at) = marked_views(&figure, 1, 1);
         at.placements[0].translation[2] = -4.0;
-        let priors = Priors { hinges: &[], bend_weight: 0.0, shape_weight: 0.0, mixture: None };
+        let priors = Priors {
+            hinges: &[],
+            bend_weight: 0.0,
+            shape_weight: 0.0,
+            start_weight: 0.0,
+            start: &[],
+            mixture: None,
+        };
         let stage = SharedStage { figure: &figure, views: &terms, priors, translations: Translations::Free };
         let mut gradient = stage.pack(&at);
         let value = stage.value_and_gradient(&at, &mut gradient, &mut stage.room());
