@@ -55,6 +55,17 @@ def camera_loss(camera: Tensor) -> Tensor:
     return torch.exp(-10 * camera[:, 0]).square().mean()
 
 
+def prior_loss(rotations: Tensor, mean: Tensor, betas: Tensor) -> Tensor:
+    """Distance from the mean body; not in the thesis, whose training starts from SPIN's weights.
+
+    Mean square of the local rotations [B,23,3,3] about their mean [23,3,3], plus a tenth of that of the betas [B,K].
+    Joints show neither the twist of a bone nor all of the shape: where nothing else does, a network that starts from
+    nothing wanders off to bodies that have the right joints and are no bodies. And as long as it cannot tell front from
+    back, limbs folded to the middle have the least mean square: a strong prior that is let go lets it learn to face first.
+    """
+    return (rotations - mean).square().mean() + 0.1 * betas.square().mean()
+
+
 @dataclass(frozen=True)
 class Weights:
     """Weights of eq. 4.6; the total is multiplied by `overall`."""
@@ -65,6 +76,7 @@ class Weights:
     betas: float = 0.001
     vertices: float = 0.0
     camera: float = 1.0
+    prior: float = 0.005
     overall: float = 60.0
 
 

@@ -48,3 +48,29 @@ def nearest_rotation(matrix: Tensor) -> Tensor:
     flip = torch.ones(matrix.shape[:-1], dtype=matrix.dtype)
     flip[..., 2] = torch.linalg.det(u @ vt)
     return u * flip[..., None, :] @ vt
+
+
+def axis_angle_of_matrix(rotation: Tensor) -> Tensor:
+    """Rotation matrices [...,3,3] -> axis-angle [...,3], |θ| ≤ π; through the quaternion, which has no bad angle.
+
+    Of the four columns of 4 q qᵀ the one with the largest diagonal entry is taken: it is never short (Shepperd 1978).
+    """
+    r = rotation
+    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    wx, wy, wz = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
+    xy, xz, yz = r[..., 0, 1] + r[..., 1, 0], r[..., 0, 2] + r[..., 2, 0], r[..., 1, 2] + r[..., 2, 1]
+    outer = torch.stack(
+        (
+            torch.stack((1 + xx + yy + zz, wx, wy, wz), -1),
+            torch.stack((wx, 1 + xx - yy - zz, xy, xz), -1),
+            torch.stack((wy, xy, 1 - xx + yy - zz, yz), -1),
+            torch.stack((wz, xz, yz, 1 - xx - yy + zz), -1),
+        ),
+        -2,
+    )
+    longest = outer.diagonal(dim1=-2, dim2=-1).argmax(-1)
+    quaternion = torch.take_along_dim(outer, longest[..., None, None].expand(*longest.shape, 1, 4), -2)[..., 0, :]
+    quaternion = F.normalize(quaternion, dim=-1) * torch.where(quaternion[..., :1] < 0, -1.0, 1.0)
+    sine = quaternion[..., 1:].norm(dim=-1, keepdim=True)
+    angle = 2 * torch.atan2(sine, quaternion[..., :1])
+    return quaternion[..., 1:] * torch.where(sine > 1e-7, angle / sine.clamp(min=1e-7), 2.0)

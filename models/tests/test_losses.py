@@ -1,0 +1,79 @@
+"""The regressor's losses by hand-computed cases."""
+import unittest
+
+import torch
+
+import losses
+
+
+class Losses(unittest.TestCase):
+    def test_keypoints_are_weighted_by_confidence_and_averaged_over_all(self):
+        predicted, keypoints = torch.zeros(2, 3, 2), torch.zeros(2, 3, 2)
+        keypoints[0, 1] = torch.tensor([3.0, 4.0])
+        keypoints[1, 2] = torch.tensor([100.0, 0.0])
+        confidence = torch.ones(2, 3)
+        confidence[0, 1], confidence[1, 2] = 0.5, 0.0
+        self.assertAlmostEqual(float(losses.keypoint_loss(predicted, keypoints, confidence)), 0.5 * 25 / 12, places=6)
+
+    def test_joints_are_compared_between_the_hips(self):
+        torch.manual_seed(0)
+        joints = torch.randn(2, 24, 3)
+        moved = joints + torch.tensor([1.0, -2.0, 3.0])
+        self.assertLess(float(losses.joint_loss(moved, joints, torch.ones(2, 24))), 1e-12)
+        hips = torch.zeros(1, 24, 3)
+        hips[0, 1, 0] = 2.0  # the middle of the hips moves by 1: the hips are ±1 off, the other 22 joints −1
+        self.assertAlmostEqual(float(losses.joint_loss(hips, hips * 0, torch.ones(1, 24))), 24 / 72, places=6)
+
+    def test_only_valid_fits_supervise(self):
+        predicted, fitted = torch.zeros(3, 10), torch.ones(3, 10)
+        fitted[1] = 2.0
+        only = torch.tensor([False, True, False])
+        self.assertEqual(float(losses.betas_loss(predicted, fitted, only)), 4.0)
+        self.assertEqual(float(losses.betas_loss(predicted, fitted, ~only)), 1.0)
+        predicted.requires_grad_()
+        none = losses.betas_loss(predicted, fitted, torch.zeros(3, dtype=torch.bool))
+        none.backward()
+        self.assertEqual((float(none.detach()), float(predicted.grad.abs().max())), (0.0, 0.0))
+
+    def test_a_half_turn_of_one_joint_costs_8_of_its_9_entries(self):
+        fitted = torch.eye(3).repeat(1, 24, 1, 1)
+        predicted = fitted.clone()
+        predicted[0, 5] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
+        valid = torch.tensor([True])
+        self.assertAlmostEqual(float(losses.pose_loss(predicted, fitted, valid)), 8 / (24 * 9), places=7)
+
+    def test_vertices_are_compared_by_absolute_difference(self):
+        predicted, fitted = torch.zeros(1, 2, 3), torch.tensor([[[1.0, -2.0, 0.0], [0.0, 0.0, 3.0]]])
+        self.assertEqual(float(losses.vertex_loss(predicted, fitted, torch.tensor([True]))), 1.0)
+
+    def test_a_camera_without_scale_costs_one(self):
+        self.assertEqual(float(losses.camera_loss(torch.zeros(2, 3))), 1.0)
+        self.assertLess(float(losses.camera_loss(torch.ones(2, 3))), 1e-8)
+
+    def test_the_total_is_60_times_the_weighted_terms(self):
+        one = torch.tensor(1.0)
+        names = ("keypoints", "joints", "pose", "betas", "vertices", "camera")
+        found = losses.total(losses.Weights(), **{name: one for name in names})
+        self.assertAlmostEqual(float(found), 60 * (5 + 5 + 1 + 0.001 + 0 + 1), places=3)
+        self.assertAlmostEqual(float(losses.total(losses.Weights(), joints=one)), 300, places=4)
+
+    def test_gradients_are_right(self):
+        torch.manual_seed(1)
+        confidence, valid = torch.rand(2, 24).double(), torch.tensor([True, False])
+
+        def of(value, other, loss, *rest):
+            return loss(value, other, *rest)
+
+        for loss, shape, rest in (
+            (losses.keypoint_loss, (2, 24, 2), (confidence,)),
+            (losses.joint_loss, (2, 24, 3), (confidence,)),
+            (losses.pose_loss, (2, 24, 3, 3), (valid,)),
+            (losses.betas_loss, (2, 10), (valid,)),
+            (losses.vertex_loss, (2, 5, 3), (valid,)),
+        ):
+            value, other = torch.randn(shape).double().requires_grad_(), torch.randn(shape).double()
+            self.assertTrue(torch.autograd.gradcheck(lambda v: of(v, other, loss, *rest), (value,)), loss.__name__)
+
+
+if __name__ == "__main__":
+    unittest.main()
