@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     table::say(&table::aligned(&["body", "method", "people", "IoU", "vertices mm"], &rows));
     std::fs::create_dir_all(&arguments.out)?;
     let path = arguments.out.join("figure_3_10.svg");
-    chart::bars(&path, "Figure 3.10: overlap of silhouettes", "mean IoU", &METHODS, &series, 0.2)
+    Ok(chart::bars(&path, "Figure 3.10: overlap of silhouettes", "mean IoU", &METHODS, &series, 0.2)?)
 }
 
 /// IoU and vertex error of every method.

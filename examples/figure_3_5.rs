@@ -71,7 +71,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         )
     };
     draw("figure_3_5_noise.svg", "Figure 3.5: noise on the joints", "k, pixels", &noisy)?;
-    draw("figure_3_5_dilation.svg", "Figure 3.5: dilated masks", "side of the square, pixels", &dilated)
+    draw("figure_3_5_dilation.svg", "Figure 3.5: dilated masks", "side of the square, pixels", &dilated)?;
+    Ok(())
 }
 
 /// What is wrong with the detections.

@@ -63,13 +63,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     table::say(&table::aligned(&head, &rows));
     std::fs::create_dir_all(&arguments.out)?;
     let path = arguments.out.join("table_2_1.svg");
-    chart::lines(
+    Ok(chart::lines(
         &path,
         "Table 2.1: error of joints",
         ["views", "mean error, mm"],
         Scale::Logarithmic(1e-4),
         &series,
-    )
+    )?)
 }
 
 /// The error after alignment of person `index` fitted with the first `views` of four cameras.

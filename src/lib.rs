@@ -6,6 +6,7 @@
 
 pub mod body;
 mod captures;
+pub mod chart;
 mod dataset;
 mod demo;
 mod evaluate;

@@ -1,13 +1,13 @@
-//! What the experiments share: arguments, bodies, charts.
+//! What the experiments share: arguments, bodies, people.
 #![allow(dead_code, reason = "each experiment uses its part")]
 
-pub mod chart;
 pub mod silhouettes;
 
 use std::path::PathBuf;
 
 use rayon::prelude::*;
 use vitruvian::body;
+pub use vitruvian::chart;
 use vitruvian::failure::Result;
 use vitruvian_reference::body::BodyModel;
 

@@ -47,16 +47,16 @@ pub fn evaluate(predicted: &Path, truth: &Path, sampling: &Sampling) -> Result<F
     };
     let captures: Map<String, Value> =
         cases.iter().zip(&rows).map(|(case, row)| (case.name.clone(), json_of(row))).collect();
+    let json = json!({
+        "files": sides(predicted, truth),
+        "captures": captures,
+        "mean": json_of(&means),
+        "sampling": sampling.json(),
+    });
     Ok(Findings {
-        text: text(&cases, &rows, &means, sampling),
-        json: json!({
-            "files": sides(predicted, truth),
-            "captures": captures,
-            "mean": json_of(&means),
-            "sampling": sampling.json(),
-        }),
         iou: last.and_then(|m| m.iou),
         p2s_cm: last.map(|m| m.p2s_cm),
+        ..Findings::new(text(&cases, &rows, &means, sampling), json)
     })
 }
 

@@ -15,12 +15,8 @@ use crate::table;
 /// Compares two mask files: pixels of 128 and more are body.
 pub fn evaluate(predicted: &Path, truth: &Path) -> Result<Findings> {
     let iou = iou(predicted, truth)?;
-    Ok(Findings {
-        text: format!("IoU {iou:.4}"),
-        json: json!({ "files": sides(predicted, truth), "iou": iou }),
-        iou: Some(iou),
-        p2s_cm: None,
-    })
+    let json = json!({ "files": sides(predicted, truth), "iou": iou });
+    Ok(Findings { iou: Some(iou), ..Findings::new(format!("IoU {iou:.4}"), json) })
 }
 
 /// Whether a folder holds PNG files itself.
@@ -49,12 +45,8 @@ pub fn evaluate_folders(predicted: &Path, truth: &Path) -> Result<Findings> {
     }
     let mean = sum / found.len() as f64;
     rows.push(vec!["mean".into(), format!("{mean:.4}")]);
-    Ok(Findings {
-        text: table::aligned(&["mask", "IoU"], &rows),
-        json: json!({ "files": sides(predicted, truth), "views": views, "iou": mean }),
-        iou: Some(mean),
-        p2s_cm: None,
-    })
+    let json = json!({ "files": sides(predicted, truth), "views": views, "iou": mean });
+    Ok(Findings { iou: Some(mean), ..Findings::new(table::aligned(&["mask", "IoU"], &rows), json) })
 }
 
 fn pictures(folder: &Path) -> Result<BTreeMap<String, PathBuf>> {

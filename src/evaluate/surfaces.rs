@@ -139,12 +139,8 @@ pub fn evaluate(predicted: &Path, truth: &Path, sampling: &Sampling) -> Result<F
         .collect();
     text.push(format!("{:<16}{:>10}", "pieces", found.pieces));
     text.push(sampling.words());
-    Ok(Findings {
-        text: text.join("\n"),
-        json: json!({ "files": sides(predicted, truth), "measures": found, "sampling": sampling.json() }),
-        iou: found.iou,
-        p2s_cm: Some(found.p2s_cm),
-    })
+    let json = json!({ "files": sides(predicted, truth), "measures": found, "sampling": sampling.json() });
+    Ok(Findings { iou: found.iou, p2s_cm: Some(found.p2s_cm), ..Findings::new(text.join("\n"), json) })
 }
 
 impl Sampling {

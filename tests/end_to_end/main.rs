@@ -6,6 +6,7 @@ mod bad_input;
 mod command;
 mod demo;
 mod evaluate;
+mod evaluate_joints;
 mod fit;
 mod mesh;
 mod mv_smplify;
