@@ -8,6 +8,7 @@ mod pck_chart;
 mod posed;
 mod report;
 mod result_folder;
+mod views;
 
 use std::path::{Path, PathBuf};
 

@@ -7,15 +7,15 @@
 use std::path::{Path, PathBuf};
 
 use vitruvian_reference::linalg::vector::Vector3;
-use vitruvian_runtime::capture::{self, Camera, Extrinsics};
+use vitruvian_runtime::capture::Extrinsics;
 use vitruvian_runtime::error::Error;
-use vitruvian_runtime::file::npz::Npz;
 
 use super::Evaluation;
 use super::arguments::Choices;
 use super::array::{Sequence, Side};
 use super::measures::{Errors, Row, Rows};
 use super::pairing::{Description, Pair};
+use super::views::Views;
 use crate::failure::{Failure, Result};
 use crate::progress;
 
@@ -89,7 +89,7 @@ pub fn evaluate(predicted: &Path, truth: &Path, label: &str, choices: &Choices) 
         .filter(|name| captures.iter().all(|(found, _)| found != name))
         .collect();
     let errors = Errors::concatenated(captures.iter().map(|(_, errors)| errors));
-    let pair = description.unwrap_or_else(|| unreachable!("there is at least one result"));
+    let pair = description.expect("there is at least one result");
     Ok(evaluation(errors, pair, Rows::Captures(captures, missing)))
 }
 
@@ -155,70 +155,4 @@ fn turned(body: Sequence, cameras: &[Extrinsics]) -> Result<Sequence> {
     };
     let from = |camera: &Extrinsics| joints.iter().map(|&joint| camera.to_camera(joint)).collect();
     Ok(Sequence { frames: cameras.iter().map(from).collect(), ..body })
-}
-
-/// The views that a result has a body for.
-struct Views {
-    names: Vec<String>,
-    /// The capture's cameras of these names.
-    cameras: Vec<Extrinsics>,
-    /// Those that a fit found; a regression is in their axes already.
-    found: Option<Vec<Extrinsics>>,
-}
-
-impl Views {
-    /// What a result's parameters say of its views; `None` for a body in the world.
-    fn read(parameters: &Path, capture: &Path, per_view: bool) -> Result<Option<Views>> {
-        let is_npz =
-            parameters.is_file() && parameters.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
-        let mut npz = if is_npz { Some(Npz::open(parameters)?) } else { None };
-        let (names, found) = match &mut npz {
-            Some(npz) if npz.contains("names") => (npz.texts("names")?, None),
-            Some(npz) if per_view => {
-                let rotations = npz.shaped::<f64>("R", &[None, Some(3), Some(3)])?;
-                let n = rotations.shape[0];
-                let translations = npz.shaped::<f64>("t", &[Some(n), Some(3)])?;
-                let rows =
-                    |values: &[f64]| values.chunks_exact(3).map(|r| [r[0], r[1], r[2]]).collect::<Vec<_>>();
-                let turns = rows(&rotations.values);
-                let found = turns.chunks_exact(3).zip(rows(&translations.values));
-                let found = found.map(|(r, t)| Extrinsics { r: [r[0], r[1], r[2]], t }).collect();
-                let names = npz.texts("camera_names")?;
-                if names.len() != n {
-                    let message =
-                        format!("array \"camera_names\" holds {} names for {n} cameras", names.len());
-                    return Err(Error::file(parameters, message).into());
-                }
-                (names, Some(found))
-            }
-            _ if per_view => {
-                let message = "is not there; --per-view needs the cameras in it".to_owned();
-                return Err(Error::file(parameters, message).into());
-            }
-            _ => return Ok(None),
-        };
-        let all = capture::read_cameras(capture)?;
-        let camera = |name: &String| camera_of(&all, name, capture, parameters);
-        let cameras = names.iter().map(camera).collect::<Result<_>>()?;
-        Ok(Some(Views { names, cameras, found }))
-    }
-}
-
-/// Where the camera of an image's name stands; the name may have a folder and an extension.
-fn camera_of(cameras: &[Camera], name: &str, capture: &Path, parameters: &Path) -> Result<Extrinsics> {
-    let stem = Path::new(name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
-    let camera = cameras
-        .iter()
-        .find(|camera| camera.name == name)
-        .or_else(|| cameras.iter().find(|camera| Some(&camera.name) == stem.as_ref()));
-    let Some(camera) = camera else {
-        let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-        let message =
-            format!("is of the image {name}, but {} has the cameras {}", capture.display(), known.join(", "));
-        return Err(Error::file(parameters, message).into());
-    };
-    camera.extrinsics.ok_or_else(|| {
-        let message = "has no R and t, so that the truth cannot be seen from it".to_owned();
-        Error::camera(capture, name, message).into()
-    })
 }
