@@ -1,7 +1,10 @@
 //! `vitruvian dataset`: labelled scenes for training, exactly as the runtime prepares them for the networks.
 //!
 //! For MF-PIFu: crops, projections, and points inside or outside. For VSR (`--coarse`): the voxels of the surface that
-//! MF-PIFu reconstructs from the crops, and points around both surfaces.
+//! MF-PIFu reconstructs from the crops, and points around both surfaces. For the regressor: crops with surroundings,
+//! and what the body in them is.
+
+mod regressor;
 
 use std::path::{Path, PathBuf};
 
@@ -20,16 +23,28 @@ use vitruvian_runtime::reconstruct::{CUBE_FILL, Options, Reconstructor};
 use vitruvian_runtime::session;
 use vitruvian_runtime::voxelize::{Cube, voxelize};
 
-use crate::failure::Result;
+use crate::failure::{Failure, Result};
 use crate::synthesis::{Scene, Settings, normal, scene_rng};
 use crate::{body, progress};
 
-/// Make labelled training scenes: crops, projections and points inside or outside (for models/train_*.py)
+/// The network that scenes are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Network {
+    /// Crops, projections, and points inside or outside; with --coarse, voxels and points for VSR.
+    Implicit,
+    /// Crops with surroundings, keypoints, and the body's parameters.
+    Regressor,
+}
+
+/// Make labelled training scenes (for models/train_*.py)
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folder for the scenes, one .npz each; scenes that are there already are kept
     #[arg(short, long)]
     out: PathBuf,
+    /// The network that the scenes are for
+    #[arg(long = "for", value_enum, default_value_t = Network::Implicit)]
+    network: Network,
     /// Number of scenes
     #[arg(long)]
     count: u64,
@@ -66,6 +81,11 @@ const ANYWHERE: usize = 6_000;
 
 /// Makes the scenes that are not there yet: in parallel, or one after another where networks run.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.network == Network::Regressor && arguments.coarse.is_some() {
+        return Err(Failure::Usage(
+            "--coarse makes scenes for VSR: leave it out with --for regressor".to_owned(),
+        ));
+    }
     let body = body::load_to_pose(arguments.body.as_deref())?;
     let settings = Settings { seed: arguments.seed, views: arguments.views, size_px: 512 };
     std::fs::create_dir_all(&arguments.out).map_err(|e| Error::io(&arguments.out, e))?;
@@ -81,6 +101,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             let scene = Scene::random(&body, &settings, *index);
             let mut rng = scene_rng(settings.seed ^ POINTS, *index);
             write_vsr(path, &scene, &mut reconstructor, &mut rng)?;
+            bar.inc(1);
+            Ok(())
+        });
+    }
+    if arguments.network == Network::Regressor {
+        let settings = Settings { size_px: regressor::PICTURE_PX, ..settings };
+        let skeleton = regressor::Skeleton::of(&body);
+        return missing.par_iter().try_for_each(|(index, path)| {
+            regressor::write(path, &regressor::Example::random(&body, &settings, *index)?, &skeleton)?;
             bar.inc(1);
             Ok(())
         });

@@ -17,7 +17,8 @@ use crate::output_folder::OutputFolder;
 use crate::progress::StageBars;
 use crate::reconstruct::body_capture::{BodyCapture, stage_name};
 use crate::reconstruct::{self, Networks};
-use crate::synthesis::{Scene, Settings};
+use crate::synthesis::surroundings::Wanted;
+use crate::synthesis::{Scene, Settings, Surroundings};
 use crate::{fit, synthesize, table};
 
 /// The folder of the capture within the results.
@@ -80,7 +81,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     bars.show("synthesise", 0, 1);
     let settings = Settings { seed: arguments.seed, views: 4, size_px: 512 };
     let scene = Scene::random(&body, &settings, 0);
-    synthesize::write(&folder.file(CAPTURE), &scene)?;
+    let shots = Surroundings::random(&scene, &settings, &Wanted::default(), 0).photograph(&scene);
+    synthesize::write(&folder.file(CAPTURE), &scene, shots)?;
     let mut seconds = vec![("synthesise", clock.elapsed().as_secs_f64())];
 
     bars.show("fit", 0, 1);

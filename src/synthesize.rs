@@ -8,7 +8,8 @@ use vitruvian_runtime::capture::{self, BodyTruth, View};
 use vitruvian_runtime::file::keypoints::{JointSet, Keypoints};
 
 use crate::failure::Result;
-use crate::synthesis::{Scene, Settings};
+use crate::synthesis::surroundings::Wanted;
+use crate::synthesis::{Scene, Settings, Shot, Surroundings};
 use crate::{body, progress};
 
 /// Make captures of random people: images, masks, keypoints, cameras, and the true body
@@ -32,6 +33,17 @@ pub struct Arguments {
     /// Side of the square images in pixels
     #[arg(long, default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..=4096))]
     size: u32,
+    /// Put pictures behind the people, and vary the light and the cameras' exposure, tint and noise
+    #[arg(long)]
+    backgrounds: bool,
+    /// Probability, for each view, that a piece of furniture stands before the person
+    #[arg(long, value_name = "P", default_value_t = 0.0, value_parser = probability)]
+    occlusion: f64,
+}
+
+fn probability(text: &str) -> std::result::Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err("give a probability from 0 to 1".to_owned()) }
 }
 
 /// Writes the captures, in parallel.
@@ -39,30 +51,35 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let body = body::load_to_pose(arguments.body.as_deref())?;
     let settings =
         Settings { seed: arguments.seed, views: usize::from(arguments.views), size_px: arguments.size };
+    let wanted =
+        Wanted { backgrounds: if arguments.backgrounds { 1.0 } else { 0.0 }, occlusion: arguments.occlusion };
     let bar = progress::bar("captures", arguments.count);
     (0..arguments.count).into_par_iter().try_for_each(|index| {
         let scene = Scene::random(&body, &settings, index);
-        write(&arguments.out.join(format!("{index:04}")), &scene)?;
+        let shots = Surroundings::random(&scene, &settings, &wanted, index).photograph(&scene);
+        write(&arguments.out.join(format!("{index:04}")), &scene, shots)?;
         bar.inc(1);
         Ok(())
     })
 }
 
-/// Photographs a scene and writes it as a capture into the folder `path`.
-pub fn write(path: &Path, scene: &Scene) -> Result<()> {
+/// Writes a scene and its pictures, one for each of its cameras, as a capture into the folder `path`.
+///
+/// Keypoints of joints behind furniture have confidence 0, all others 1.
+pub fn write(path: &Path, scene: &Scene, shots: Vec<Shot>) -> Result<()> {
     let views: Vec<View> = scene
         .cameras
         .iter()
-        .zip(scene.photograph())
-        .map(|(camera, picture)| {
-            let seen = scene.joints.iter().map(|&joint| match camera.project(joint) {
-                Some(([u, v], _)) => [u, v, 1.0],
-                None => [0.0; 3],
+        .zip(shots)
+        .map(|(camera, shot)| {
+            let seen = scene.joints.iter().zip(&shot.joint_hidden).map(|(&joint, &hidden)| {
+                let confidence = if hidden { 0.0 } else { 1.0 };
+                camera.project(joint).map_or([0.0; 3], |([u, v], _)| [u, v, confidence])
             });
             View {
                 camera: camera.clone(),
-                image: Some(picture.image),
-                mask: Some(picture.mask),
+                image: Some(shot.image),
+                mask: Some(shot.mask),
                 keypoints: Some(Keypoints { joint_set: JointSet::Smpl24, points: seen.collect() }),
             }
         })

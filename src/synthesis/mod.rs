@@ -4,14 +4,19 @@
 //! ChaCha8 with seed S on stream k, so scenes can be made in any order and on any number of threads.
 
 pub mod appearance;
+pub mod backdrop;
 pub mod clothing;
+pub mod furniture;
 pub mod pose;
 pub mod rig;
 pub mod scene;
+pub mod sensor;
 pub mod subject;
+pub mod surroundings;
 
 pub use scene::{Scene, Settings};
 pub use subject::{Stance, Subject};
+pub use surroundings::{Shot, Surroundings};
 
 use rand_chacha::ChaCha8Rng;
 

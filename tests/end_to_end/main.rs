@@ -13,3 +13,4 @@ mod mv_smplify;
 mod pose;
 mod real_body;
 mod reconstruct;
+mod synthesize;

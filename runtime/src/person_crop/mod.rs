@@ -79,6 +79,25 @@ pub struct Crop {
     pub side_px: u32,
 }
 
+impl Crop {
+    /// Where a point of the photograph is in the crop; both in pixels, corner origin.
+    pub fn from_photograph(&self, pixel_px: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|a| (pixel_px[a] - self.origin_px[a] as f64) * self.scale())
+    }
+
+    /// K' = A K: the intrinsics of the crop for those of the photograph, A = `[[k,0,−k·u₀],[0,k,−k·v₀],[0,0,1]]` with
+    /// k = S/`side_px` and (u₀, v₀) = `origin_px`.
+    pub fn intrinsics(&self, k: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+        let row = |a: usize| [0, 1, 2].map(|c| (k[a][c] - self.origin_px[a] as f64 * k[2][c]) * self.scale());
+        [row(0), row(1), k[2]]
+    }
+
+    /// Crop pixels per pixel of the photograph, S/`side_px`.
+    fn scale(&self) -> f64 {
+        f64::from(self.image.width()) / f64::from(self.side_px)
+    }
+}
+
 /// Cuts `person` out of `image` and resizes it to `size` × `size` pixels.
 ///
 /// The square runs from trunc(c − side/2) to trunc(c + side/2) on each axis, where trunc drops the fraction (towards

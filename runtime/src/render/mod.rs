@@ -10,5 +10,5 @@ pub mod turntable;
 pub use color_map::{color_bar, heat, viridis};
 pub use contact_sheet::{Row, contact_sheet};
 pub use overlay::overlay;
-pub use rasterizer::{Light, Picture, render};
+pub use rasterizer::{Light, Picture, render, render_before};
 pub use turntable::{CLAY, Turntable, preview};

@@ -74,6 +74,42 @@ pub fn render(
     camera: &Camera,
     light: &Light,
 ) -> Picture {
+    let steps = f32::max(camera.height.saturating_sub(1) as f32, 1.0);
+    draw(mesh, normals, colours, camera, light).develop(|_, row| {
+        let t = row as f32 / steps;
+        let [top, bottom] = light.background;
+        std::array::from_fn(|i| byte(top[i] + t * (bottom[i] - top[i])))
+    })
+}
+
+/// [`render`] before a picture of the camera's size in place of the light's two background colours.
+///
+/// # Panics
+/// As [`render`], or if the backdrop has not the camera's width and height.
+pub fn render_before(
+    mesh: &Mesh,
+    normals: &[[f32; 3]],
+    colours: &[[f32; 3]],
+    camera: &Camera,
+    light: &Light,
+    backdrop: &RgbImage,
+) -> Picture {
+    assert_eq!(
+        backdrop.dimensions(),
+        (camera.width, camera.height),
+        "render_before: width and height of the backdrop, and of the camera"
+    );
+    draw(mesh, normals, colours, camera, light).develop(|column, row| backdrop.get_pixel(column, row).0)
+}
+
+/// Everything but the background.
+fn draw<'a>(
+    mesh: &Mesh,
+    normals: &[[f32; 3]],
+    colours: &[[f32; 3]],
+    camera: &'a Camera,
+    light: &Light,
+) -> Canvas<'a> {
     assert!(
         normals.len() == mesh.vertices.len() && colours.len() == mesh.vertices.len(),
         "render: {} normals and {} colours for {} vertices",
@@ -97,7 +133,7 @@ pub fn render(
             clip_near(&triangle).for_each(|piece| canvas.draw(&piece, light));
         }
     }
-    canvas.develop(light)
+    canvas
 }
 
 /// The part with Z_c ≥ [`NEAR_M`] of a triangle that crosses that plane, as zero, one or two triangles.
@@ -200,27 +236,23 @@ impl<'a> Canvas<'a> {
         colour.map(|c| byte(c * strength))
     }
 
-    fn develop(self, light: &Light) -> Picture {
+    fn develop(self, background: impl Fn(u32, u32) -> [u8; 3]) -> Picture {
         let (width, height) = (self.camera.width, self.camera.height);
         let mut image = RgbImage::new(width, height);
         let mut mask = GrayImage::new(width, height);
         let mut depth_m = Vec::with_capacity(width as usize * height as usize);
         for row in 0..height {
-            let t = if height > 1 { row as f32 / (height - 1) as f32 } else { 0.0 };
-            let background: [f32; 3] = std::array::from_fn(|i| {
-                light.background[0][i] + t * (light.background[1][i] - light.background[0][i])
-            });
-            let background = background.map(byte);
             let first_line = row as usize * SAMPLES * self.width;
             let lines = &self.nearness[first_line..first_line + SAMPLES * self.width];
             if lines.iter().all(|&n| n == 0.0) {
                 for column in 0..width {
-                    image.put_pixel(column, row, Rgb(background));
+                    image.put_pixel(column, row, Rgb(background(column, row)));
                 }
                 depth_m.extend(std::iter::repeat_n(f32::INFINITY, width as usize));
                 continue;
             }
             for column in 0..width {
+                let background = background(column, row);
                 let first = row as usize * SAMPLES * self.width + column as usize * SAMPLES;
                 let mut sum = [0u32; 3];
                 for s in (0..SAMPLES).flat_map(|y| (0..SAMPLES).map(move |x| first + y * self.width + x)) {
