@@ -56,8 +56,8 @@ fn scenes_for_the_regressor_go_on_where_they_stopped() {
     vitruvian(&[&words[..], &["--count", "2"]].concat()).done();
     assert_eq!(fs::metadata(&first).expect("a scene").modified().expect("a time"), written);
     let mut scene = Npz::open(&folder.path().join("scene_4_000001.npz")).expect("a scene");
-    scene.shaped::<u8>("images", &[2, 3, 160, 160].map(Some)).expect("images");
-    scene.shaped::<u8>("masks", &[2, 160, 160].map(Some)).expect("masks");
+    scene.shaped::<f32>("images", &[2, 3, 160, 160].map(Some)).expect("images");
+    scene.shaped::<f32>("masks", &[2, 160, 160].map(Some)).expect("masks");
     scene.shaped::<f32>("keypoints", &[2, 24, 3].map(Some)).expect("keypoints");
     scene.shaped::<f32>("J_shapedirs", &[24, 3, 10].map(Some)).expect("the skeleton");
 }
