@@ -19,6 +19,10 @@ const SIZE: (u32, u32) = (720, 440);
 /// Pixels of a PNG for each of [`SIZE`], so that its bitmap font and its lines are fine enough.
 const PNG_UNIT: u32 = 2;
 
+/// Size of the legend's letters: plotters makes its box for letters of an average width, which those of the bitmap font,
+/// drawn at a whole number of pixels a dot, do not exceed at this size.
+const LEGEND: u32 = 14;
+
 /// Colours that are told apart by most eyes (Okabe and Ito 2008).
 const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
@@ -146,11 +150,6 @@ pub fn bars(
     draw!(path, area, unit, draw_bars(&area, unit, title, y, groups, series, low))
 }
 
-/// The words of a legend, whose box would end at the last letter.
-fn legend(name: &str) -> String {
-    format!("{name}  ")
-}
-
 fn draw_lines<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     unit: u32,
@@ -204,7 +203,7 @@ where
                 )
                 .point_size(if scale == Scale::Percent { 0 } else { 4 * unit }),
             )?
-            .label(legend(&one.name))
+            .label(&one.name)
             .legend(move |(x, y)| {
                 let end = x + 18 * unit as i32;
                 PathElement::new([(x, y), (end, y)], colour.stroke_width(2 * unit))
@@ -217,7 +216,7 @@ where
     chart
         .configure_series_labels()
         .position(corner)
-        .label_font(("sans-serif", 12 * unit))
+        .label_font(("sans-serif", LEGEND * unit))
         .legend_area_size(30 * unit)
         .margin(10 * unit)
         .background_style(WHITE.mix(0.8))
@@ -266,7 +265,7 @@ where
         let bar = |(g, &h): (usize, &f64)| {
             Rectangle::new([(left(g), low), (left(g) + 0.92 * width, h)], colour.filled())
         };
-        chart.draw_series(heights.iter().enumerate().map(bar))?.label(legend(name)).legend(move |(x, y)| {
+        chart.draw_series(heights.iter().enumerate().map(bar))?.label(name).legend(move |(x, y)| {
             let unit = unit as i32;
             Rectangle::new([(x, y - 5 * unit), (x + 14 * unit, y + 5 * unit)], colour.filled())
         });
@@ -274,7 +273,7 @@ where
     chart
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperLeft)
-        .label_font(("sans-serif", 12 * unit))
+        .label_font(("sans-serif", LEGEND * unit))
         .legend_area_size(30 * unit)
         .background_style(WHITE.mix(0.8))
         .border_style(FRAME)

@@ -30,7 +30,7 @@ impl Canvas {
 
 /// Pixels for each dot of the bitmap font, whose capitals are 7 of nominally 10 dots high.
 fn dot(size: f64) -> u32 {
-    (size / 10.0).round().max(1.0) as u32
+    (size / 10.0).floor().max(1.0) as u32
 }
 
 impl DrawingBackend for &mut Canvas {
