@@ -8,7 +8,7 @@
 use super::{Scalar, Tensor};
 
 /// Roundings in n units in the last place: 1 ulp ≤ 2u·|y|.
-const fn ulps(n: u32) -> f64 {
+pub(super) const fn ulps(n: u32) -> f64 {
     2.0 * n as f64
 }
 

@@ -1,6 +1,6 @@
 //! Arithmetic element by element, with NumPy's broadcasting: an axis of length one, or a missing leading axis, repeats.
 //!
-//! Rounding: one correctly rounded operation each.
+//! Rounding: one correctly rounded operation each; choosing the larger or smaller rounds nothing.
 
 use super::{Scalar, Tensor};
 
@@ -25,6 +25,27 @@ pub fn mul<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
 /// a ÷ b; see [`add`].
 pub fn div<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
     broadcast("div", a, b, |a, b| a / b)
+}
+
+/// max(a, b); a NaN wins. See [`add`].
+pub fn maximum<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+    broadcast("maximum", a, b, T::maximum)
+}
+
+/// min(a, b) = −max(−a, −b); a NaN wins. See [`add`].
+pub fn minimum<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+    broadcast("minimum", a, b, |a, b| -T::maximum(-a, -b))
+}
+
+/// x kept within low ≤ x ≤ high, either of which may be absent; high wins where they cross.
+///
+/// # References
+/// ONNX operator Clip (version 13).
+pub fn clip<T: Scalar>(x: &Tensor<T>, low: Option<T>, high: Option<T>) -> Tensor<T> {
+    x.map(|x| {
+        let raised = low.map_or(x, |low| x.maximum(low));
+        high.map_or(raised, |high| -T::maximum(-raised, -high))
+    })
 }
 
 /// The shape that two shapes broadcast to, if they do.
@@ -75,6 +96,24 @@ mod tests {
         assert_eq!(mul(&a, &Tensor::new(&[], vec![2.0])).data, [2.0, 4.0, 6.0, 8.0]);
         assert_eq!(sub(&b, &b).data, [0.0, 0.0]);
         assert_eq!(div(&a, &a).data, [1.0; 4]);
+    }
+
+    #[test]
+    fn the_larger_the_smaller_and_the_bounded() {
+        let (a, b) = (Tensor::new(&[3], vec![-1.0, 2.0, f64::NAN]), Tensor::new(&[1], vec![0.5]));
+        assert_eq!(
+            (&maximum(&a, &b).data[..2], &minimum(&a, &b).data[..2]),
+            (&[0.5, 2.0][..], &[-1.0, 0.5][..])
+        );
+        assert!(maximum(&a, &b).data[2].is_nan() && minimum(&b, &a).data[2].is_nan());
+        assert_eq!(clip(&a, Some(0.0), Some(1.0)).data[..2], [0.0, 1.0]);
+        assert_eq!(clip(&a, None, Some(-3.0)).data[..2], [-3.0, -3.0]);
+        assert_eq!(clip(&a, Some(3.0), Some(1.0)).data[..2], [1.0, 1.0], "high wins");
+        assert!(clip(&a, Some(0.0), Some(1.0)).data[2].is_nan());
+        assert_eq!(
+            clip(&a.rounded(), Some(super::super::Rounded::exact(0.0)), None).terms().data[..2],
+            [0.0; 2]
+        );
     }
 
     #[test]

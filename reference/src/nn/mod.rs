@@ -32,6 +32,7 @@
 
 pub mod activation;
 pub mod convolution;
+pub mod einsum;
 pub mod elementwise;
 pub mod grid_sample;
 pub mod matrix_product;
@@ -41,22 +42,27 @@ pub mod pooling;
 pub mod reduction;
 pub mod rounded;
 pub mod scalar;
+pub mod scatter;
 pub mod tensor;
+pub mod transcendental;
 pub mod transposed_convolution;
 mod window;
 
 pub use activation::{leaky_relu, relu, sigmoid, softplus, tanh};
 pub use convolution::{Conv, conv};
-pub use elementwise::{add, div, mul, sub};
+pub use einsum::einsum;
+pub use elementwise::{add, clip, div, maximum, minimum, mul, sub};
 pub use grid_sample::{GridSample, PaddingMode, grid_sample};
 pub use matrix_product::{gemm, linear, matmul};
-pub use movement::{concat, slice, transpose};
+pub use movement::{concat, expand, gather, slice, tile, transpose};
 pub use normalization::{batch_norm, group_norm, instance_norm, layer_norm};
-pub use pooling::{AveragePool, Pool, average_pool, max_pool};
-pub use reduction::{reduce_mean, reduce_sum};
+pub use pooling::{AveragePool, Pool, average_pool, global_average_pool, max_pool};
+pub use reduction::{reduce_l2, reduce_mean, reduce_sum};
 pub use rounded::{Rounded, UNIT_ROUNDOFF_F32, gamma};
 pub use scalar::Scalar;
+pub use scatter::{scatter_elements, scatter_nd};
 pub use tensor::Tensor;
+pub use transcendental::{acos, atan, cos, exp, log, pow, sin};
 pub use transposed_convolution::{ConvTranspose, conv_transpose};
 
 #[cfg(test)]

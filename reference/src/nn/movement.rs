@@ -1,6 +1,7 @@
 //! Operators that move elements and compute nothing, so that any implementation must agree bit by bit.
 
 use super::Tensor;
+use super::elementwise::{broadcast_offset, broadcast_shape};
 
 /// The tensors one after the other along an axis.
 ///
@@ -61,6 +62,66 @@ pub fn slice<T: Copy>(x: &Tensor<T>, axis: usize, start: usize, end: usize, step
     })
 }
 
+/// The tensor repeated to a larger shape by broadcasting: axes of length one, and missing leading axes, repeat.
+///
+/// The result has the shape that x's and the wanted one broadcast *to*, so that an axis of length one in `shape` keeps x's.
+///
+/// # Panics
+/// If the two shapes do not broadcast.
+///
+/// # References
+/// ONNX operator Expand (version 13).
+pub fn expand<T: Copy>(x: &Tensor<T>, shape: &[usize]) -> Tensor<T> {
+    let to = broadcast_shape(&x.shape, shape)
+        .unwrap_or_else(|| panic!("expand: shapes {:?} and {shape:?} do not broadcast", x.shape));
+    Tensor::from_fn(&to, |index| x.data[broadcast_offset(&x.shape, index)])
+}
+
+/// The tensor laid side by side with itself, `repeats[a]` times along axis a.
+///
+/// # Panics
+/// If there is not one number of repeats for each axis.
+///
+/// # References
+/// ONNX operator Tile (version 13).
+pub fn tile<T: Copy>(x: &Tensor<T>, repeats: &[usize]) -> Tensor<T> {
+    assert!(repeats.len() == x.rank(), "tile: {repeats:?} for the axes of shape {:?}", x.shape);
+    let shape: Vec<usize> = x.shape.iter().zip(repeats).map(|(n, r)| n * r).collect();
+    Tensor::from_fn(&shape, |index| {
+        x.data[index.iter().zip(&x.shape).fold(0, |offset, (i, n)| offset * n + i % n)]
+    })
+}
+
+/// The slices of x at these places along an axis: the places' own axes stand where that axis was.
+///
+/// y\[a…, p…, b…\] = x\[a…, places\[p…\], b…\]; one place of rank 0 removes the axis.
+///
+/// # Panics
+/// If the axis or a place does not exist.
+///
+/// # References
+/// ONNX operator Gather (version 13) with non-negative indices.
+pub fn gather<T: Copy>(x: &Tensor<T>, places: &Tensor<usize>, axis: usize) -> Tensor<T> {
+    assert!(axis < x.rank(), "gather: axis {axis} does not lie in shape {:?}", x.shape);
+    let length = x.shape[axis];
+    let (before, after) = (&x.shape[..axis], &x.shape[axis + 1..]);
+    let run: usize = after.iter().product();
+    let outer: usize = before.iter().product();
+    let mut data = Vec::with_capacity(outer * places.data.len() * run);
+    for block in 0..outer {
+        for &place in &places.data {
+            assert!(
+                place < length,
+                "gather: place {place} does not lie in axis {axis} of shape {:?}",
+                x.shape
+            );
+            let start = (block * length + place) * run;
+            data.extend_from_slice(&x.data[start..start + run]);
+        }
+    }
+    Tensor { shape: [before, &places.shape, after].concat(), data }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,5 +153,37 @@ mod tests {
     #[should_panic(expected = "shapes [2, 1] and [3, 1] differ beside axis 1")]
     fn other_axes_must_agree() {
         concat(&[&Tensor::<f64>::zeros(&[2, 1]), &Tensor::zeros(&[3, 1])], 1);
+    }
+
+    #[test]
+    fn expansion_repeats_axes_of_one_and_keeps_those_of_the_tensor() {
+        let x = Tensor::new(&[2, 1], vec![1.0, 2.0]);
+        assert_eq!(expand(&x, &[3]), Tensor::new(&[2, 3], vec![1.0, 1.0, 1.0, 2.0, 2.0, 2.0]));
+        assert_eq!(expand(&x, &[2, 1, 1]), Tensor::new(&[2, 2, 1], vec![1.0, 2.0, 1.0, 2.0]));
+        assert_eq!(expand(&x, &[1, 1]), x, "a wanted length of one asks for nothing");
+    }
+
+    #[test]
+    fn tiles_lie_side_by_side() {
+        let x = Tensor::new(&[2, 2], vec![1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(tile(&x, &[1, 2]).data, [1.0, 2.0, 1.0, 2.0, 3.0, 4.0, 3.0, 4.0]);
+        assert_eq!(tile(&x, &[2, 1]).data, [1.0, 2.0, 3.0, 4.0, 1.0, 2.0, 3.0, 4.0]);
+    }
+
+    #[test]
+    fn gathered_places_stand_where_their_axis_was() {
+        let x = Tensor::from_fn(&[2, 3, 2], |i| (100 * i[0] + 10 * i[1] + i[2]) as f64);
+        let y = gather(&x, &Tensor::new(&[2, 2], vec![2, 0, 0, 1]), 1);
+        assert_eq!(
+            (&y.shape[..], y.at(&[1, 0, 0, 1]), y.at(&[0, 1, 1, 0])),
+            (&[2, 2, 2, 2][..], 121.0, 10.0)
+        );
+        assert_eq!(gather(&x, &Tensor::new(&[], vec![1]), 0), slice(&x, 0, 1, 2, 1).reshape(&[3, 2]));
+    }
+
+    #[test]
+    #[should_panic(expected = "place 3 does not lie in axis 1 of shape [2, 3]")]
+    fn a_gathered_place_must_exist() {
+        gather(&Tensor::<f64>::zeros(&[2, 3]), &Tensor::new(&[1], vec![3]), 1);
     }
 }

@@ -11,7 +11,7 @@
 //! one rounding more).
 
 use super::window::{Axis, axes, lift};
-use super::{Scalar, Tensor};
+use super::{Scalar, Tensor, reduce_mean};
 
 /// The window of a pooling: ONNX `kernel_shape`, `strides`, `pads` (here before and after, axis by axis), `dilations`, `ceil_mode`.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,6 +105,18 @@ pub fn average_pool<T: Scalar>(x: &Tensor<T>, params: &AveragePool) -> Tensor<T>
         let count = if params.count_include_pad { padded } else { taps.len() };
         mean_of(taps.iter().copied().fold(T::ZERO, T::plus), count)
     })
+}
+
+/// x [N,C,…] → [N,C,1,…], the mean of each image over all its pixels.
+///
+/// # Panics
+/// If x is not [N,C,…].
+///
+/// # References
+/// ONNX operator GlobalAveragePool (version 1).
+pub fn global_average_pool<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
+    assert!(x.rank() > 2, "global_average_pool: x must be [N,C,spatial…], found shape {:?}", x.shape);
+    reduce_mean(x, &(2..x.rank()).collect::<Vec<_>>(), true)
 }
 
 /// sum/count, however it is divided: fl(sum·fl(1/count)) has two roundings, fl(sum/count) one.
@@ -210,6 +222,15 @@ mod tests {
         let x = pattern(&[1, 1, 5, 4, 6], 2);
         let dilated = Pool { dilation: vec![2, 1, 3], ceil_mode: false, ..Pool::new(3, 2) };
         check(&max_pool(&x, &dilated), &goldens::MAX_POOL_3D);
+    }
+
+    #[test]
+    fn the_global_mean_is_the_mean_of_a_window_over_everything() {
+        let x = pattern(&[2, 3, 4, 5], 3);
+        let whole = Pool { kernel: vec![4, 5], ..Pool::new(2, 1) };
+        let expected = average_pool(&x, &AveragePool { window: whole, count_include_pad: false });
+        assert_eq!(global_average_pool(&x), expected);
+        check(&global_average_pool(&x), &goldens::GLOBAL_AVERAGE_POOL);
     }
 
     #[test]

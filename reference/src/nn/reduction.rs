@@ -1,4 +1,4 @@
-//! Sums and means over whole axes.
+//! Sums, means and lengths over whole axes.
 
 use super::pooling::mean_of;
 use super::{Scalar, Tensor};
@@ -46,6 +46,19 @@ pub fn reduce_mean<T: Scalar>(x: &Tensor<T>, axes: &[usize], keepdims: bool) -> 
     sum.map(|s| mean_of(s, count))
 }
 
+/// The Euclidean length √Σ x² over the given axes, which keep length one (`keepdims`) or vanish.
+///
+/// Rounding: the squares, the additions of their sum in any order, and the root.
+///
+/// # Panics
+/// If an axis is not one of x.
+///
+/// # References
+/// ONNX operator ReduceL2 (version 18) with non-negative axes.
+pub fn reduce_l2<T: Scalar>(x: &Tensor<T>, axes: &[usize], keepdims: bool) -> Tensor<T> {
+    reduce_sum(&x.map(|x| x * x), axes, keepdims).map(T::sqrt)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -57,6 +70,15 @@ mod tests {
         let mean = reduce_mean(&x, &[0, 2], true);
         assert_eq!(mean, Tensor::new(&[1, 3, 1], vec![50.5, 60.5, 70.5]));
         assert_eq!(reduce_sum(&x, &[0, 1, 2], false).shape, [0usize; 0]);
+    }
+
+    #[test]
+    fn a_length_is_the_root_of_the_sum_of_squares() {
+        let x = Tensor::new(&[2, 2], vec![3.0, -4.0, 0.0, 0.0]);
+        assert_eq!(reduce_l2(&x, &[1], true), Tensor::new(&[2, 1], vec![5.0, 0.0]));
+        let y = reduce_l2(&x.rounded(), &[1], false);
+        assert_eq!((y.data[0].magnitude, y.data[0].terms), (5.0, 3.0), "two squares, an addition, a root");
+        assert_eq!(y.data[1].magnitude, 0.0, "the length of nothing is exact");
     }
 
     #[test]
