@@ -25,6 +25,21 @@ impl<'a> Attributes<'a> {
         self.0.iter().find(|attribute| attribute.name.as_deref() == Some(name))
     }
 
+    /// Whether there is one of this name.
+    pub fn has(&self, name: &str) -> bool {
+        self.get(name).is_some()
+    }
+
+    /// A list of integers of either sign, if it is given.
+    pub fn integers(&self, name: &str) -> Option<Vec<i64>> {
+        self.get(name).map(|attribute| attribute.ints.clone())
+    }
+
+    /// A list of numbers, if it is given.
+    pub fn floats(&self, name: &str) -> Option<&'a [f32]> {
+        self.get(name).map(|attribute| &attribute.floats[..])
+    }
+
     /// An integer.
     pub fn int(&self, name: &str, default: i64) -> i64 {
         // An integer of 0 may be left out of the container.

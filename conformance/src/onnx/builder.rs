@@ -4,7 +4,8 @@ use prost::Message as _;
 
 use super::message::{
     AttributeKind, AttributeProto, DimensionProto, DimensionValue, ElementType, GraphProto, ModelProto,
-    NodeProto, OperatorSetIdProto, TensorProto, TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
+    NodeProto, OperatorSetIdProto, StringStringEntryProto, TensorProto, TensorShapeProto, TensorTypeProto,
+    TypeProto, ValueInfoProto,
 };
 
 /// Container version of the graphs built: the oldest that knows every operator set up to 22.
@@ -26,12 +27,21 @@ const IR_VERSION: i64 = 10;
 pub struct GraphBuilder {
     opset: i64,
     graph: GraphProto,
+    properties: Vec<StringStringEntryProto>,
 }
 
 impl GraphBuilder {
     /// An empty graph in this version of ONNX's operators.
     pub fn new(opset: i64) -> Self {
-        Self { opset, graph: GraphProto { name: Some("problem".into()), ..Default::default() } }
+        let graph = GraphProto { name: Some("problem".into()), ..Default::default() };
+        Self { opset, graph, properties: Vec::new() }
+    }
+
+    /// Adds a property of the file, such as `vitruvian.kind`.
+    #[must_use]
+    pub fn property(mut self, key: &str, value: &str) -> Self {
+        self.properties.push(StringStringEntryProto { key: Some(key.into()), value: Some(value.into()) });
+        self
     }
 
     /// Adds an f32 input of fixed shape.
@@ -78,6 +88,19 @@ impl GraphBuilder {
         self
     }
 
+    /// Adds a constant of truths, as a choice is given.
+    #[must_use]
+    pub fn truths(mut self, name: &str, shape: &[usize], values: &[bool]) -> Self {
+        self.graph.initializer.push(TensorProto {
+            dims: shape.iter().map(|&side| side as i64).collect(),
+            data_type: Some(ElementType::Bool.number()),
+            raw_data: Some(values.iter().map(|&value| u8::from(value)).collect()),
+            name: Some(name.into()),
+            ..Default::default()
+        });
+        self
+    }
+
     /// Adds a node; it may read what was added before it.
     #[must_use]
     pub fn node(
@@ -112,7 +135,7 @@ impl GraphBuilder {
             producer_name: Some("vitruvian-conformance".into()),
             graph: Some(self.graph),
             opset_import: vec![OperatorSetIdProto { domain: Some(String::new()), version: Some(self.opset) }],
-            metadata_props: Vec::new(),
+            metadata_props: self.properties,
         }
         .encode_to_vec()
     }

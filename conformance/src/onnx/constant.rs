@@ -13,6 +13,8 @@ pub enum Elements {
     I32(Vec<i32>),
     /// 64-bit integers.
     I64(Vec<i64>),
+    /// Truths.
+    Bool(Vec<bool>),
 }
 
 /// A named constant of a graph: a weight, as a rule.
@@ -27,12 +29,12 @@ pub struct Constant {
 }
 
 impl Constant {
-    /// The floating-point elements as f64 (exact), or `None` for integers.
+    /// The floating-point elements as f64 (exact), or `None` for others.
     pub fn to_f64(&self) -> Option<Vec<f64>> {
         match &self.elements {
             Elements::F32(values) => Some(values.iter().map(|&v| f64::from(v)).collect()),
             Elements::F64(values) => Some(values.clone()),
-            Elements::I32(_) | Elements::I64(_) => None,
+            Elements::I32(_) | Elements::I64(_) | Elements::Bool(_) => None,
         }
     }
 
@@ -51,8 +53,9 @@ impl Constant {
             return Err(format!("its elements lie in {location}; export the graph with its weights inside"));
         }
         let number = tensor.data_type.unwrap_or(0);
-        let element = ElementType::from_number(number)
-            .ok_or_else(|| format!("element type {number}; f32, f64, i32 and i64 (1, 11, 6, 7) are read"))?;
+        let element = ElementType::from_number(number).ok_or_else(|| {
+            format!("element type {number}; f32, f64, i32, i64 and bool (1, 11, 6, 7, 9) are read")
+        })?;
         let mut shape = Vec::with_capacity(tensor.dims.len());
         let mut count = 1_usize;
         for &dim in &tensor.dims {
@@ -70,6 +73,7 @@ impl Constant {
                 ElementType::F64 => Elements::F64(tensor.double_data.clone()),
                 ElementType::I32 => Elements::I32(tensor.int32_data.clone()),
                 ElementType::I64 => Elements::I64(tensor.int64_data.clone()),
+                ElementType::Bool => Elements::Bool(tensor.int32_data.iter().map(|&i| i != 0).collect()),
             },
         };
         let found = elements.len();
@@ -89,6 +93,7 @@ impl Elements {
             Self::F64(values) => values.len(),
             Self::I32(values) => values.len(),
             Self::I64(values) => values.len(),
+            Self::Bool(values) => values.len(),
         }
     }
 
@@ -107,6 +112,7 @@ fn from_bytes(element: ElementType, bytes: &[u8]) -> Elements {
         ElementType::F64 => Elements::F64(split(bytes, f64::from_le_bytes)),
         ElementType::I32 => Elements::I32(split(bytes, i32::from_le_bytes)),
         ElementType::I64 => Elements::I64(split(bytes, i64::from_le_bytes)),
+        ElementType::Bool => Elements::Bool(bytes.iter().map(|&byte| byte != 0).collect()),
     }
 }
 

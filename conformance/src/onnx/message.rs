@@ -188,6 +188,8 @@ pub enum ElementType {
     I32,
     /// 64-bit integer, number 7.
     I64,
+    /// A truth, number 9.
+    Bool,
     /// 64-bit float, number 11.
     F64,
 }
@@ -199,6 +201,7 @@ impl ElementType {
             1 => Some(Self::F32),
             6 => Some(Self::I32),
             7 => Some(Self::I64),
+            9 => Some(Self::Bool),
             11 => Some(Self::F64),
             _ => None,
         }
@@ -210,6 +213,7 @@ impl ElementType {
             Self::F32 => 1,
             Self::I32 => 6,
             Self::I64 => 7,
+            Self::Bool => 9,
             Self::F64 => 11,
         }
     }
@@ -217,6 +221,7 @@ impl ElementType {
     /// Bytes per element.
     pub fn size(self) -> usize {
         match self {
+            Self::Bool => 1,
             Self::F32 | Self::I32 => 4,
             Self::I64 | Self::F64 => 8,
         }
@@ -229,6 +234,7 @@ impl fmt::Display for ElementType {
             Self::F32 => "f32",
             Self::I32 => "i32",
             Self::I64 => "i64",
+            Self::Bool => "bool",
             Self::F64 => "f64",
         })
     }

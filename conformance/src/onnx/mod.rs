@@ -6,6 +6,7 @@
 //! | [`model`] | a file read and checked: operators, constants, properties |
 //! | [`constant`] | a constant tensor's elements as numbers |
 //! | [`attributes`] | the attributes of a node, with defaults and nothing guessed |
+//! | [`value`] | what a tensor of a graph holds |
 //! | [`walk`] | the operators by the reference |
 //! | [`builder`] | graphs built in memory, to run one operator alone |
 //! | [`expose`] | the same file with every intermediate tensor as an output |
@@ -16,4 +17,5 @@ pub mod constant;
 pub mod expose;
 pub mod message;
 pub mod model;
+pub mod value;
 pub mod walk;

@@ -1,10 +1,10 @@
-//! Gemm and MatMul: the layers of a regressor and of point networks.
+//! Gemm, MatMul and Einsum: the layers of a regressor and of point networks, and products of rotations.
 
 use proptest::prelude::*;
 
 use super::values::Values;
 use super::{Operand, Problem};
-use crate::onnx::builder::{float, int};
+use crate::onnx::builder::{float, int, text};
 
 /// α·A′B′ + β·C, transposed or not; C \[M,N\], \[N\], \[1\] or absent.
 pub fn gemm() -> impl Strategy<Value = Problem> {
@@ -42,4 +42,23 @@ pub fn matmul() -> impl Strategy<Value = Problem> {
             operands: vec![Operand::Input(a.fill(&[batch, m, k])), Operand::Weight(b.fill(&b_shape))],
         }
     })
+}
+
+/// Inner products of rows, products of matrices and sums over axes, by the names of their axes.
+pub fn einsum() -> impl Strategy<Value = Problem> {
+    let equations = vec!["bi,bi->b", "bij,bjk->bik", "bij,bj->bi", "ij,kj->ik", "bij->bji", "bij->i"];
+    (prop::sample::select(equations), [1..=5_usize, 1..=40, 1..=6, 1..=6], any::<[Values; 2]>()).prop_map(
+        |(equation, sides, values)| {
+            let side = |name: char| sides["bijk".find(name).expect("a name of these equations")];
+            let (left, _) = equation.split_once("->").expect("an arrow");
+            let operands = left.split(',').zip(values).map(|(names, values)| {
+                Operand::Input(values.fill(&names.chars().map(side).collect::<Vec<_>>()))
+            });
+            Problem {
+                operator: "Einsum",
+                attributes: vec![text("equation", equation)],
+                operands: operands.collect(),
+            }
+        },
+    )
 }

@@ -9,24 +9,26 @@
 //! | [`convolution`] | Conv in 1-D, 2-D and 3-D, ConvTranspose in 2-D and 3-D |
 //! | [`grid_sample`] | GridSample in 2-D and 3-D |
 //! | [`normalization`] | BatchNormalization, GroupNormalization, InstanceNormalization |
-//! | [`pooling`] | MaxPool in 2-D and 3-D, ReduceMean |
-//! | [`elementwise`] | Add, Sub, Mul, Div, Sqrt, Relu, LeakyRelu, Sigmoid |
-//! | [`matrix_product`] | Gemm, MatMul |
-//! | [`movement`] | Concat, Reshape, Unsqueeze, Transpose, Gather, Constant |
+//! | [`pooling`] | MaxPool in 2-D and 3-D, AveragePool, GlobalAveragePool, ReduceMean, ReduceSum, ReduceL2 |
+//! | [`elementwise`] | arithmetic, activations, powers and transcendental functions |
+//! | [`choice`] | comparisons, Where, ScatterND, ScatterElements |
+//! | [`matrix_product`] | Gemm, MatMul, Einsum |
+//! | [`movement`] | Concat, Split, Slice, Gather, Tile, Expand, Reshape, Flatten, Squeeze, Unsqueeze, Transpose, Shape |
 //! | [`values`] | the numbers |
 
 use std::fmt;
 
-use vitruvian_reference::nn::{Rounded, Tensor, UNIT_ROUNDOFF_F32};
+use vitruvian_reference::nn::{Rounded, Scalar as _, Tensor, UNIT_ROUNDOFF_F32};
 
 use crate::array::Array;
 use crate::compare::{Comparison, Expected, Found, compare};
 use crate::engine::{self, Optimization};
 use crate::error::{Error, Result};
-use crate::onnx::builder::GraphBuilder;
-use crate::onnx::message::{AttributeProto, NodeProto};
+use crate::onnx::builder::{GraphBuilder, int};
+use crate::onnx::message::{AttributeProto, ElementType, NodeProto};
 use crate::onnx::walk::{self, Value};
 
+pub mod choice;
 pub mod convolution;
 pub mod elementwise;
 pub mod grid_sample;
@@ -48,6 +50,8 @@ pub enum Operand {
     Weight(Array),
     /// Part of the graph: a shape, axes, or (of rank 0) an index.
     Integers(Tensor<i64>),
+    /// Part of the graph: what is chosen.
+    Truths(Tensor<bool>),
 }
 
 /// One operator applied to given operands.
@@ -77,7 +81,7 @@ impl Problem {
     /// The same problem with the numbers of one operand changed.
     ///
     /// # Panics
-    /// When the operand is missing or holds integers.
+    /// When the operand is missing or holds no numbers.
     #[must_use]
     pub fn with_operand(mut self, i: usize, change: impl FnOnce(&Array) -> Array) -> Self {
         match &mut self.operands[i] {
@@ -85,6 +89,7 @@ impl Problem {
             Operand::Integers(integers) => {
                 panic!("operand {i} of {} holds integers {integers:?}", self.operator)
             }
+            Operand::Truths(truths) => panic!("operand {i} of {} holds truths {truths:?}", self.operator),
         }
         self
     }
@@ -102,6 +107,7 @@ impl Problem {
                     Value::Numbers(exact(&array.shape, &array.values))
                 }
                 Operand::Integers(integers) => Value::Integers(integers.clone()),
+                Operand::Truths(truths) => Value::Truths(truths.clone()),
             })
             .collect();
         let node = NodeProto {
@@ -114,9 +120,12 @@ impl Problem {
             item: format!("node {}", self.operator),
             message,
         };
-        match walk::evaluate(&node, &operands.iter().map(Some).collect::<Vec<_>>()).map_err(error)? {
-            Value::Numbers(tensor) => Ok(tensor),
-            Value::Integers(_) => Err(error("gives integers, numbers were expected".into())),
+        let outputs = walk::evaluate(&node, &operands.iter().map(Some).collect::<Vec<_>>()).map_err(error)?;
+        match outputs.into_iter().nth(self.outputs() - 1) {
+            Some(Value::Numbers(tensor)) => Ok(tensor),
+            Some(Value::Integers(tensor)) => Ok(tensor.map(|i| Rounded::exact(i as f64))),
+            Some(Value::Truths(tensor)) => Ok(tensor.map(|t| Rounded::exact(f64::from(u8::from(t))))),
+            None => Err(error("has fewer outputs than were expected".into())),
         }
     }
 
@@ -133,11 +142,29 @@ impl Problem {
                 }
                 Operand::Weight(array) => graph = graph.constant(&name, &array.shape, &array.values),
                 Operand::Integers(tensor) => graph = graph.integers(&name, &tensor.shape, &tensor.data),
+                Operand::Truths(tensor) => graph = graph.truths(&name, &tensor.shape, &tensor.data),
             }
             names.push(name);
         }
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        (graph.node(self.operator, &names, &["y"], self.attributes.clone()).output("y"), inputs)
+        let outputs: Vec<String> = (1..=self.outputs()).map(|k| format!("output_{k}")).collect();
+        let outputs: Vec<&str> = outputs.iter().map(String::as_str).collect();
+        let judged = outputs[outputs.len() - 1];
+        graph = graph.node(self.operator, &names, &outputs, self.attributes.clone());
+        if UNREAL.contains(&self.operator) {
+            // What is no f32 is made one, which is exact for small integers.
+            let to = int("to", ElementType::F32.number().into());
+            return (graph.node("Cast", &[judged], &["y"], vec![to]).output("y"), inputs);
+        }
+        (graph.output(judged), inputs)
+    }
+
+    /// How many outputs the node has; the last one is judged.
+    fn outputs(&self) -> usize {
+        match (self.operator, self.operands.get(1)) {
+            ("Split", Some(Operand::Integers(sides))) => sides.data.len(),
+            _ => 1,
+        }
     }
 
     /// The runtime's answer.
@@ -188,6 +215,7 @@ impl fmt::Debug for Problem {
                 Operand::Integers(integers) => {
                     write!(f, "\n  integers {:?}{:?}", integers.shape, integers.data)?
                 }
+                Operand::Truths(truths) => write!(f, "\n  truths {:?}{:?}", truths.shape, truths.data)?,
             }
         }
         Ok(())
@@ -205,6 +233,10 @@ pub fn expected(operator: &str, answer: &Tensor<Rounded>) -> Expected {
         shared: SHARING.contains(&operator),
     }
 }
+
+/// Operators that give integers or truths.
+const UNREAL: [&str; 8] =
+    ["Equal", "Greater", "GreaterOrEqual", "IsNaN", "Less", "LessOrEqual", "Range", "Shape"];
 
 /// Operators that compute one number, such as a deviation, and apply it to many elements, which share its rounding.
 const SHARING: [&str; 3] = ["BatchNormalization", "GroupNormalization", "InstanceNormalization"];

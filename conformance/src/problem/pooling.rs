@@ -1,4 +1,4 @@
-//! MaxPool in two and three dimensions, and ReduceMean.
+//! Pools of windows and of whole images, and reductions over axes.
 
 use proptest::prelude::*;
 use vitruvian_reference::nn::Tensor;
@@ -34,16 +34,35 @@ pub fn max_pool(spatial: usize) -> impl Strategy<Value = Problem> {
     )
 }
 
-/// The mean over one or two axes, as over the views of a capture.
-pub fn reduce_mean() -> impl Strategy<Value = Problem> {
+/// x [N,C,H,W]: the mean of each window, with its padding as zeros or not at all.
+pub fn average_pool() -> impl Strategy<Value = Problem> {
+    (max_pool(2), any::<bool>()).prop_map(|(problem, include_pad)| {
+        let mut attributes = problem.attributes;
+        attributes.push(int("count_include_pad", include_pad.into()));
+        Problem { operator: "AveragePool", attributes, operands: problem.operands }
+    })
+}
+
+/// x [N,C,…]: the mean of each image.
+pub fn global_average_pool() -> impl Strategy<Value = Problem> {
+    let sides = prop::collection::vec(1..=9_usize, 1..=3);
+    (1..=2_usize, 1..=20_usize, sides, any::<Values>()).prop_map(|(samples, channels, sides, x)| Problem {
+        operator: "GlobalAveragePool",
+        attributes: vec![],
+        operands: vec![Operand::Input(x.fill(&[vec![samples, channels], sides].concat()))],
+    })
+}
+
+/// The mean, sum or length over one or two axes, as over the views of a capture.
+pub fn reduce(operator: &'static str) -> impl Strategy<Value = Problem> {
     let sides = prop::collection::vec(1..=12_usize, 2..=4);
     (sides, any::<[prop::sample::Index; 2]>(), any::<bool>(), any::<Values>()).prop_map(
-        |(sides, axes, keepdims, x)| {
+        move |(sides, axes, keepdims, x)| {
             let mut axes: Vec<i64> = axes.iter().map(|axis| axis.index(sides.len()) as i64).collect();
             axes.sort_unstable();
             axes.dedup();
             Problem {
-                operator: "ReduceMean",
+                operator,
                 attributes: vec![int("keepdims", keepdims.into())],
                 operands: vec![
                     Operand::Input(x.fill(&sides)),

@@ -5,6 +5,7 @@
 //! | [`operators`] | every operator of the networks on random problems |
 //! | [`faults`] | the judge itself: planted faults must be seen |
 //! | [`networks`] | the exported graphs, node by node and stage by stage |
+//! | [`regressor`] | where the regressor's stages stand in a graph, and faults planted in one |
 //! | [`surface`] | marching cubes, voxels and the inside test |
 //! | [`body`] | skinning of bodies, and planted faults in it |
 
@@ -12,4 +13,5 @@ pub mod body;
 pub mod faults;
 pub mod networks;
 pub mod operators;
+pub mod regressor;
 pub mod surface;

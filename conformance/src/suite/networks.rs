@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use vitruvian_reference::network::{Stages, Weights, mf_pifu, vsr};
+use vitruvian_reference::network::{Stages, Weights, mf_pifu, regressor, vsr};
 use vitruvian_reference::nn::{Rounded, Tensor};
 
 use crate::array::Array;
@@ -40,6 +40,9 @@ pub struct NodeVerdict {
 
 /// Judges every node of a graph from its own operands, as the runtime computed them with optimisation off.
 ///
+/// Shapes, places and truths are no results of rounding: the reference computes them for itself, and a runtime that got one
+/// wrong would be seen in the numbers that it chose or moved.
+///
 /// # Errors
 /// When the graph cannot run, or a node is not understood; names the node's output.
 pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeVerdict>> {
@@ -50,23 +53,19 @@ pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeV
     }
 
     // Constants are no results; everything else is asked for.
-    let computed: Vec<_> =
-        model.nodes().iter().filter(|node| node.op_type.as_deref() != Some("Constant")).collect();
-    let tensors: Vec<&str> =
-        computed.iter().filter_map(|node| node.output.first()).map(String::as_str).collect();
+    let computed = model.nodes().iter().filter(|node| node.op_type.as_deref() != Some("Constant"));
+    let tensors: Vec<&str> = computed.flat_map(|node| &node.output).map(String::as_str).collect();
+    let tensors: Vec<&str> = tensors.into_iter().filter(|name| !name.is_empty()).collect();
     let bytes = expose(model, &tensors);
-    let names: Vec<String> =
-        Model::from_bytes(model.name(), bytes.clone())?.outputs().into_iter().map(str::to_owned).collect();
-    let found = engine::run(model.name(), &bytes, Optimization::Disabled, inputs)?;
-    let mut found: BTreeMap<String, Found> = names.into_iter().zip(found).collect();
+    let found = engine::run_f32(model.name(), &bytes, Optimization::Disabled, inputs)?;
+    let mut found: BTreeMap<String, Found> = found.into_iter().collect();
 
     let mut verdicts = Vec::new();
     for node in model.nodes() {
-        let tensor = node.output.first().cloned().unwrap_or_default();
         let operator = node.op_type.clone().unwrap_or_default();
         let error = |message: String| Error::Onnx {
             graph: model.name().to_owned(),
-            item: format!("node {operator} → \"{tensor}\""),
+            item: format!("node {operator} → \"{}\"", node.output.first().map_or("", String::as_str)),
             message,
         };
         let mut operands = Vec::new();
@@ -77,28 +76,24 @@ pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeV
             }
             operands.push(value);
         }
-        match walk::evaluate(node, &operands).map_err(error)? {
-            Value::Integers(integers) => {
-                values.insert(tensor, Value::Integers(integers));
-            }
-            Value::Numbers(answer) => {
-                let own = if operator == "Constant" {
-                    Value::Numbers(answer)
-                } else {
+        let answers = walk::evaluate(node, &operands).map_err(error)?;
+        for (tensor, answer) in node.output.iter().zip(answers) {
+            let own = match answer {
+                Value::Numbers(answer) if operator != "Constant" => {
                     let found = found
-                        .remove(&tensor)
-                        .ok_or_else(|| error("the runtime gave no such tensor".into()))?;
+                        .remove(tensor)
+                        .ok_or_else(|| error(format!("the runtime gave no f32 tensor \"{tensor}\"")))?;
                     let comparison = compare(&expected(&operator, &answer), &found);
-                    let own = Value::Numbers(exact(&found.shape, &found.values));
                     verdicts.push(NodeVerdict {
                         tensor: tensor.clone(),
                         operator: operator.clone(),
                         comparison,
                     });
-                    own
-                };
-                values.insert(tensor, own);
-            }
+                    Value::Numbers(exact(&found.shape, &found.values))
+                }
+                unjudged => unjudged,
+            };
+            values.insert(tensor.clone(), own);
         }
     }
     Ok(verdicts)
@@ -118,11 +113,8 @@ fn weights(model: &Model, disturbance: Option<u64>) -> Result<Weights> {
     let mut random = ChaCha8Rng::seed_from_u64(disturbance.unwrap_or_default());
     let mut weights = Vec::new();
     for (name, constant) in model.constants()? {
-        let mut values = constant.to_f64().ok_or_else(|| Error::Onnx {
-            graph: model.name().to_owned(),
-            item: format!("initializer \"{name}\""),
-            message: "holds integers, weights were expected".into(),
-        })?;
+        // Integers name shapes and axes.
+        let Some(mut values) = constant.to_f64() else { continue };
         if disturbance.is_some() {
             values.iter_mut().for_each(|w| *w *= 1.0 + UNIT_ROUNDOFF * random.random_range(-1.0..1.0));
         }
@@ -136,7 +128,7 @@ impl Reference {
     /// inputs in their order.
     ///
     /// # Errors
-    /// When the graph declares no kind that is known here, or a weight is not floating-point.
+    /// When the graph declares no kind that is known here, or a weight cannot be read.
     ///
     /// # Panics
     /// As the reference does when a weight is missing, left over or of a shape that does not fit, or the inputs do not fit.
@@ -152,6 +144,7 @@ impl Reference {
                 Kind::MfPifuQuery => {
                     mf_pifu::Query::from_weights(weights).forward(&inputs[..4], inputs[4], inputs[5])
                 }
+                Kind::Regressor => regressor::Regressor::from_weights(weights).forward(inputs[0]),
                 Kind::VsrEncoder => vsr::Encoder::from_weights(weights).forward(inputs[0]),
                 Kind::VsrQuery => vsr::Query::from_weights(weights).forward(&inputs[..5], inputs[5]),
             }
@@ -160,7 +153,7 @@ impl Reference {
         let coordinates = match kind {
             Kind::MfPifuQuery => Some(4),
             Kind::VsrQuery => Some(5),
-            Kind::MfPifuEncoder | Kind::VsrEncoder => None,
+            Kind::MfPifuEncoder | Kind::Regressor | Kind::VsrEncoder => None,
         };
         if let Some(grid) = coordinates {
             let mut random = ChaCha8Rng::seed_from_u64(2);
@@ -201,7 +194,8 @@ pub struct StageVerdict {
     pub comparison: Comparison,
 }
 
-/// Compares the graph's outputs with the stages of the same names; gives the outputs as well.
+/// Compares the graph's outputs with the stages of the same names, and of a regressor also its
+/// [inner stages](super::regressor::stages); gives the outputs as well.
 ///
 /// # Errors
 /// When the graph cannot run.
@@ -215,24 +209,31 @@ pub fn judge_stages(
     optimization: Optimization,
     tolerance: &Tolerance,
 ) -> Result<(Vec<StageVerdict>, Vec<Found>)> {
-    let found = engine::run(model.name(), model.bytes(), optimization, inputs)?;
-    let verdicts = model.outputs().into_iter().zip(&found).map(|(stage, found)| {
+    let outputs = model.outputs();
+    let mut stages: Vec<(String, String)> =
+        outputs.iter().map(|&name| (name.to_owned(), name.to_owned())).collect();
+    if Kind::of(model)? == Kind::Regressor {
+        let inner = super::regressor::stages(model)?;
+        stages.extend(inner.into_iter().filter(|(_, tensor)| !outputs.contains(&tensor.as_str())));
+    }
+    let tensors: Vec<&str> = stages.iter().map(|(_, tensor)| tensor.as_str()).collect();
+    let mut found = engine::run(model.name(), &expose(model, &tensors), optimization, inputs)?;
+    let verdicts = stages.iter().zip(&found).map(|((stage, _), found)| {
         let answer = reference.stages.get(stage);
         let allowed = tolerance.allowed * reference.noise_floor(stage);
         let comparison = compare(&Expected::within(&answer.shape, answer.data.clone(), allowed), found);
         let noise = comparison.report().map_or(f64::INFINITY, |report| report.csu * tolerance.allowed);
-        StageVerdict { stage: stage.to_owned(), noise, comparison }
+        StageVerdict { stage: stage.clone(), noise, comparison }
     });
-    Ok((verdicts.collect(), found))
+    let verdicts = verdicts.collect();
+    found.truncate(outputs.len());
+    Ok((verdicts, found))
 }
 
 /// Operators of the graph that no judge covers; empty when the judgement is complete.
 pub fn unjudged(model: &Model) -> BTreeSet<String> {
     let judged: BTreeSet<&str> = super::operators::JUDGES.iter().map(|judge| judge.operator).collect();
     // A Constant computes nothing: it is read, by the same reader as every weight.
-    model
-        .operators()
-        .into_iter()
-        .filter(|name| !judged.contains(name.as_str()) && name != "Constant")
-        .collect()
+    let judged = |name: &String| name == "Constant" || judged.contains(name.as_str());
+    model.operators().into_iter().filter(|name| !judged(name)).collect()
 }

@@ -10,7 +10,7 @@ use crate::compare::{Comparison, compare};
 use crate::engine::OPTIMIZATIONS;
 use crate::problem::Problem;
 use crate::problem::{
-    convolution, elementwise, grid_sample, matrix_product, movement, normalization, pooling,
+    choice, convolution, elementwise, grid_sample, matrix_product, movement, normalization, pooling,
 };
 
 /// How many random problems, and which.
@@ -217,7 +217,7 @@ pub const JUDGES: &[Judge] = &[
     Judge {
         name: "ReduceMean",
         operator: "ReduceMean",
-        run: |name, draw| judge(name, &pooling::reduce_mean(), draw),
+        run: |name, draw| judge(name, &pooling::reduce("ReduceMean"), draw),
     },
     Judge { name: "Add", operator: "Add", run: |name, draw| judge(name, &elementwise::binary("Add"), draw) },
     Judge { name: "Sub", operator: "Sub", run: |name, draw| judge(name, &elementwise::binary("Sub"), draw) },
@@ -256,4 +256,114 @@ pub const JUDGES: &[Judge] = &[
         run: |name, draw| judge(name, &movement::transpose(), draw),
     },
     Judge { name: "Gather", operator: "Gather", run: |name, draw| judge(name, &movement::gather(), draw) },
+    Judge {
+        name: "ReduceSum",
+        operator: "ReduceSum",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceSum"), draw),
+    },
+    Judge {
+        name: "ReduceL2",
+        operator: "ReduceL2",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceL2"), draw),
+    },
+    Judge {
+        name: "AveragePool",
+        operator: "AveragePool",
+        run: |name, draw| judge(name, &pooling::average_pool(), draw),
+    },
+    Judge {
+        name: "GlobalAveragePool",
+        operator: "GlobalAveragePool",
+        run: |name, draw| judge(name, &pooling::global_average_pool(), draw),
+    },
+    Judge {
+        name: "Einsum",
+        operator: "Einsum",
+        run: |name, draw| judge(name, &matrix_product::einsum(), draw),
+    },
+    Judge { name: "Max", operator: "Max", run: |name, draw| judge(name, &elementwise::binary("Max"), draw) },
+    Judge { name: "Min", operator: "Min", run: |name, draw| judge(name, &elementwise::binary("Min"), draw) },
+    Judge {
+        name: "Tanh",
+        operator: "Tanh",
+        run: |name, draw| judge(name, &elementwise::unary("Tanh"), draw),
+    },
+    Judge {
+        name: "Softplus",
+        operator: "Softplus",
+        run: |name, draw| judge(name, &elementwise::unary("Softplus"), draw),
+    },
+    Judge { name: "Neg", operator: "Neg", run: |name, draw| judge(name, &elementwise::unary("Neg"), draw) },
+    Judge { name: "Abs", operator: "Abs", run: |name, draw| judge(name, &elementwise::unary("Abs"), draw) },
+    Judge {
+        name: "Reciprocal",
+        operator: "Reciprocal",
+        run: |name, draw| judge(name, &elementwise::unary("Reciprocal"), draw),
+    },
+    Judge {
+        name: "Sin",
+        operator: "Sin",
+        run: |name, draw| judge(name, &elementwise::transcendental("Sin"), draw),
+    },
+    Judge {
+        name: "Cos",
+        operator: "Cos",
+        run: |name, draw| judge(name, &elementwise::transcendental("Cos"), draw),
+    },
+    Judge {
+        name: "Acos",
+        operator: "Acos",
+        run: |name, draw| judge(name, &elementwise::transcendental("Acos"), draw),
+    },
+    Judge {
+        name: "Atan",
+        operator: "Atan",
+        run: |name, draw| judge(name, &elementwise::transcendental("Atan"), draw),
+    },
+    Judge {
+        name: "Exp",
+        operator: "Exp",
+        run: |name, draw| judge(name, &elementwise::transcendental("Exp"), draw),
+    },
+    Judge {
+        name: "Log",
+        operator: "Log",
+        run: |name, draw| judge(name, &elementwise::transcendental("Log"), draw),
+    },
+    Judge { name: "Clip", operator: "Clip", run: |name, draw| judge(name, &elementwise::clip(), draw) },
+    Judge { name: "Pow", operator: "Pow", run: |name, draw| judge(name, &elementwise::pow(), draw) },
+    Judge { name: "Expand", operator: "Expand", run: |name, draw| judge(name, &movement::expand(), draw) },
+    Judge { name: "Tile", operator: "Tile", run: |name, draw| judge(name, &movement::tile(), draw) },
+    Judge { name: "Slice", operator: "Slice", run: |name, draw| judge(name, &movement::slice(), draw) },
+    Judge { name: "Split", operator: "Split", run: |name, draw| judge(name, &movement::split(), draw) },
+    Judge { name: "Squeeze", operator: "Squeeze", run: |name, draw| judge(name, &movement::squeeze(), draw) },
+    Judge { name: "Flatten", operator: "Flatten", run: |name, draw| judge(name, &movement::flatten(), draw) },
+    Judge { name: "Shape", operator: "Shape", run: |name, draw| judge(name, &movement::shape(), draw) },
+    Judge {
+        name: "Less",
+        operator: "Less",
+        run: |name, draw| judge(name, &choice::comparison("Less"), draw),
+    },
+    Judge {
+        name: "Greater",
+        operator: "Greater",
+        run: |name, draw| judge(name, &choice::comparison("Greater"), draw),
+    },
+    Judge {
+        name: "Equal",
+        operator: "Equal",
+        run: |name, draw| judge(name, &choice::comparison("Equal"), draw),
+    },
+    Judge { name: "IsNaN", operator: "IsNaN", run: |name, draw| judge(name, &choice::is_nan(), draw) },
+    Judge { name: "Where", operator: "Where", run: |name, draw| judge(name, &choice::choice(), draw) },
+    Judge {
+        name: "ScatterND",
+        operator: "ScatterND",
+        run: |name, draw| judge(name, &choice::scatter_nd(), draw),
+    },
+    Judge {
+        name: "ScatterElements",
+        operator: "ScatterElements",
+        run: |name, draw| judge(name, &choice::scatter_elements(), draw),
+    },
 ];
