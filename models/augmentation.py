@@ -124,16 +124,16 @@ class Augmentation:
 
 def backgrounds(rng: np.random.Generator, count: int, size: int) -> Tensor:
     """[count,3,size,size] in 0..1: one colour, or a random pattern of 2 to 16 cells a side."""
-    cells = 1 if rng.random() < 0.3 else int(rng.integers(2, 17))
+    cells = 1 if rng.random() < 0.5 else int(rng.integers(2, 17))
     pattern = torch.from_numpy(rng.random((count, 3, cells, cells), dtype=np.float32))
     return F.interpolate(pattern, size=(size, size), mode="bilinear", align_corners=False)
 
 
 def disturb(rng: np.random.Generator, crops: Tensor, views: int) -> None:
-    """Hide a rectangle of a quarter of the crops [B·views,3,S,S], add noise to a quarter of the scenes; in place."""
+    """Hide a rectangle of a tenth of the crops [B·views,3,S,S], add noise to a quarter of the scenes; in place."""
     count, _, size, _ = crops.shape
     for row in range(count):
-        if rng.random() < 0.25:
+        if rng.random() < 0.1:
             height, width = rng.integers(size // 12, size // 3, 2)
             y, x = rng.integers(0, size - height), rng.integers(0, size - width)
             colour = torch.from_numpy(rng.random((3, 1, 1), dtype=np.float32))

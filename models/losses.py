@@ -55,6 +55,22 @@ def camera_loss(camera: Tensor) -> Tensor:
     return torch.exp(-10 * camera[:, 0]).square().mean()
 
 
+def heatmap_loss(logits: Tensor, keypoints: Tensor, confidence: Tensor) -> Tensor:
+    """Cross-entropy of where each joint is in a map [B,J,H,H] of logits, over the joints inside the crop.
+
+    The true place is spread over the four cells around it as bilinear interpolation would read them there. Not in the
+    thesis: it teaches a trunk without earlier training to find joints; a mean over a whole map says little of places.
+    """
+    side = logits.shape[-1]
+    cells = (keypoints + 1) * side / 2 - 0.5
+    inside = (keypoints.abs().amax(-1) < 1) * confidence
+    axis = torch.arange(side, dtype=logits.dtype)
+    along = (1 - (cells.clamp(0, side - 1)[..., None] - axis).abs()).clamp(min=0)
+    target = along[..., 1, :, None] * along[..., 0, None, :]
+    entropy = -(target.flatten(2) * torch.log_softmax(logits.flatten(2), -1)).sum(-1)
+    return (inside * entropy).sum() / inside.sum().clamp(min=1)
+
+
 def prior_loss(rotations: Tensor, mean: Tensor, betas: Tensor) -> Tensor:
     """Distance from the mean body; not in the thesis, whose training starts from SPIN's weights.
 
@@ -77,6 +93,7 @@ class Weights:
     vertices: float = 0.0
     camera: float = 1.0
     prior: float = 0.005
+    direct: float = 0.0
     overall: float = 60.0
 
 

@@ -44,8 +44,13 @@ def stacked(scenes: Sequence[dict[str, np.ndarray]], name: str) -> Tensor:
     return torch.from_numpy(np.stack([scene[name] for scene in scenes])).float()
 
 
-def batch(scenes: Sequence[dict[str, np.ndarray]], size: int, rng: np.random.Generator | None = None) -> Batch:
-    """The scenes as the network sees them in crops of `size` pixels, augmented by draws of `rng`; plain without it."""
+def batch(
+    scenes: Sequence[dict[str, np.ndarray]], size: int, rng: np.random.Generator | None = None, replaced: float = 1 / 3
+) -> Batch:
+    """The scenes as the network sees them in crops of `size` pixels, augmented by draws of `rng`; plain without it.
+
+    `replaced` is the share of scenes that are put before another background.
+    """
     views = len(scenes[0]["images"])
     draw = Augmentation.none(len(scenes)) if rng is None else Augmentation.draw(rng, len(scenes))
     crops = stacked(scenes, "images").flatten(0, 1).div_(255)
@@ -54,7 +59,7 @@ def batch(scenes: Sequence[dict[str, np.ndarray]], size: int, rng: np.random.Gen
     else:
         crops = draw.for_views(views).crops(crops, size, "reflection" if rng.random() < 0.5 else "zeros")
         crops.mul_(draw.for_views(views).gain[:, :, None, None]).clamp_(0, 1)
-        replace_backgrounds(rng, crops, scenes, draw)
+        replace_backgrounds(rng, crops, scenes, draw, replaced)
         disturb(rng, crops, views)
     mean, std = torch.tensor(MEAN).view(3, 1, 1), torch.tensor(STD).view(3, 1, 1)
     return truth(scenes, draw, crops.sub_(mean).div_(std))
@@ -90,13 +95,13 @@ def rotations_in_cameras(scenes: Sequence[dict[str, np.ndarray]]) -> Tensor:
 
 
 def replace_backgrounds(
-    rng: np.random.Generator, crops: Tensor, scenes: Sequence[dict[str, np.ndarray]], draw: Augmentation
+    rng: np.random.Generator, crops: Tensor, scenes: Sequence[dict[str, np.ndarray]], draw: Augmentation, share: float
 ) -> None:
-    """Put a third of the scenes before a background that no renderer drew, all that hides the person included; in place.
+    """Put a share of the scenes before a background that no renderer drew, all that hides the person included; in place.
 
     A network trained on one renderer's backgrounds learns that renderer; these have none of its edges or lights.
     """
-    chosen = np.flatnonzero(rng.random(len(scenes)) < 1 / 3)
+    chosen = np.flatnonzero(rng.random(len(scenes)) < share)
     if not len(chosen):
         return
     views, size = len(scenes[0]["images"]), crops.shape[-1]

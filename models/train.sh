@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Everything from seeds to graphs: data, MF-PIFu, its coarse surfaces, VSR, export. Usage: models/train.sh [BODY.npz]
+# Everything from seeds to graphs: data, MF-PIFu, its coarse surfaces, VSR, the regressor, export. Usage: models/train.sh [BODY.npz]
 # Every step goes on where it was stopped. Seeds: 1 and 2 train, 3 is watched; tests use 1000 and above.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -28,6 +28,30 @@ scenes "$data/mf_pifu" 1000 2000
 scenes "$data/vsr" 150 300 --coarse "$runs/coarse"
 "$python" models/train_vsr.py --data "$data/vsr/body" "$data/vsr/mannequin" \
   --validation "$data/vsr/validation" -o "$runs/vsr.pt" --minutes 38
+
+# The regressor: a start by keypoints and joints alone (simple backgrounds first), then Figure 4.1's loop from there.
+# Without --fit-in-the-loop the last command is the other arm of Table 4.7.
+people() { # FOLDER COUNT SEED [dataset options]
+  local folder=$1 count=$2 seed=$3
+  shift 3
+  "$vitruvian" dataset --for regressor -o "$data/regressor/$folder" --count "$count" --seed "$seed" "$@"
+}
+people mannequin 1200 2
+people validation 48 3 ${body:+--body "$body"}
+mkdir -p "$data/regressor/body"
+[ -z "$body" ] || people body 6000 1 --body "$body"
+regressor() { # CHECKPOINT [options]
+  local checkpoint=$1
+  shift
+  "$python" models/train_regressor.py --data "$data/regressor/body" "$data/regressor/mannequin" \
+    --validation "$data/regressor/validation" -o "$runs/$checkpoint.pt" --direct 5 --dropout 0.1 "$@"
+}
+regressor regressor_first --steps 6000 --rate 1e-3 --last-rate 1e-4 --warm-up 200 --first-prior 5
+regressor regressor_start --start "$runs/regressor_first.pt" --steps 6000 --batch 8 --rate 1e-3 --last-rate 2e-4 \
+  --first-prior 0.5 --prior 0.05 --first-replaced 0.9
+regressor regressor --start "$runs/regressor_start.pt" --steps 3000 --rate 7e-4 --warm-up 50 --prior 0.05 \
+  --fit-in-the-loop --program "$vitruvian"
+
 "$python" models/export.py --size small --filling trained --checkpoints "$runs" -o models/exported
 
 # The regressor's scenes have surroundings; it watches both bodies.

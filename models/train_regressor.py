@@ -4,7 +4,12 @@ Every step takes `--batch` scenes with all their views, one augmentation a scene
 camera from each view; with `--fit-in-the-loop` MV-SMPLify then fits one body to all views of a scene from there, the
 best fit of each scene is kept, and the valid ones supervise pose and shape beside the keypoints and joints (eq. 4.6).
 
-Departures for two processor cores: learning rates are higher, warmed up and led to zero along a cosine; convolutions run
+The thesis starts from SPIN's released weights; in this width there are none: a first run with keypoints and joints
+alone makes the start for both arms of the ablation (models/train.sh). What helps a trunk that knows nothing: its
+features are also asked for joints directly (`--direct`), a prior towards the mean body is let go slowly
+(`--first-prior`), plain backgrounds come first (`--first-replaced`).
+
+Departures for two processor cores: learning rates are higher, warmed up and led down along a cosine; convolutions run
 in bfloat16; a scene that has a valid fit is fitted anew at a share of its visits only (`--refit`); the small network
 drops a smaller share of its narrow head (`--dropout`).
 """
@@ -29,7 +34,7 @@ from networks.rotation import matrix_of_six, nearest_rotation, six_of_matrix
 from networks.skeleton import posed_joints, rest_joints
 from scenes import Scenes
 
-CURVES = ("loss", "keypoints", "joints", "pose", "betas", "pa_mpjpe_mm", "mpjpe_mm", "fit_loss")
+CURVES = ("loss", "keypoints", "joints", "direct", "pose", "betas", "pa_mpjpe_mm", "mpjpe_mm", "fit_loss")
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
@@ -45,6 +50,8 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--warm-up", type=int, default=100, help="steps up to the peak")
     parser.add_argument("--prior", type=float, default=0.005, help="weight of the distance from the mean body")
     parser.add_argument("--first-prior", type=float, help="the same at the first step; falls geometrically over half the steps")
+    parser.add_argument("--direct", type=float, default=0.0, help="weight of the same losses on joints read directly off the feature")
+    parser.add_argument("--first-replaced", type=float, help="share of scenes before another background at the first step")
     parser.add_argument("--batch", type=int, default=16, help="scenes a step")
     parser.add_argument("--dropout", type=float, default=0.5, help="share of the head's hidden units dropped in training")
     parser.add_argument("--fit-in-the-loop", action="store_true", help="fit, keep the better fit, supervise pose and shape")
@@ -120,6 +127,14 @@ class Training:
         self.network = regressor.Regressor(self.size)
         for dropout in (self.network.drop1, self.network.drop2):
             dropout.p = options.dropout
+        # What a trunk without earlier training learns its features by, no chain of rotations between. Not exported.
+        self.direct = nn.ModuleDict(
+            {
+                "joints": nn.Linear(self.size.features, 24 * 5),
+                "places": nn.Conv2d(self.size.features // 2, 24, 1),
+            }
+        )
+        nn.init.zeros_(self.direct["joints"].weight)
         self.dictionary = Dictionary()
         self.steps, self.elapsed, self.history = 0, 0.0, []
         self.command = " ".join(["python", "models/train_regressor.py", *sys.argv[1:]])
@@ -128,9 +143,10 @@ class Training:
             self.begin()
         else:
             self.network.load_state_dict(saved["state"])
+            self.direct.load_state_dict(saved["direct"])
         self.mean_rotations = matrix_of_six(self.network.init_pose.unflatten(1, (24, 6)))[0]
         self.network.to(memory_format=torch.channels_last)
-        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=options.rate)
+        self.optimiser = torch.optim.Adam([*self.network.parameters(), *self.direct.parameters()], lr=options.rate)
         if saved is not None:
             self.go_on(saved)
 
@@ -139,6 +155,7 @@ class Training:
         if self.options.start:
             saved = torch.load(self.options.start, weights_only=True)
             self.network.load_state_dict(saved["state"])
+            self.direct.load_state_dict(saved["direct"])
             return
         if not len(self.scenes):
             raise SystemExit(f"no scenes in {', '.join(map(str, self.options.data))}; see vitruvian dataset --for regressor")
@@ -161,6 +178,7 @@ class Training:
         torch.save(
             {
                 "state": self.network.state_dict(),
+                "direct": self.direct.state_dict(),
                 "optimiser": self.optimiser.state_dict(),
                 "dictionary": self.dictionary.state(),
                 "rng": json.dumps(self.rng.bit_generator.state),
@@ -188,15 +206,34 @@ class Training:
         last = self.options.prior
         first = last if self.options.first_prior is None else self.options.first_prior
         share = min(2 * self.steps / self.options.steps, 1.0)
-        return losses.Weights(prior=first ** (1 - share) * last**share)
+        return losses.Weights(prior=first ** (1 - share) * last**share, direct=self.options.direct)
 
-    def regress(self, batch: people.Batch) -> tuple[Tensor, Tensor, Tensor]:
-        """Rotations [BN,24,3,3], betas [BN,10], camera [BN,3]; the trunk in bfloat16, the head in f32."""
+    def replaced(self) -> float:
+        """Share of scenes before another background: from `--first-replaced` to a third over half the steps."""
+        last = 1 / 3
+        first = last if self.options.first_replaced is None else self.options.first_replaced
+        share = min(2 * self.steps / self.options.steps, 1.0)
+        return first + (last - first) * share
+
+    def features(self, batch: people.Batch) -> tuple[Tensor, Tensor]:
+        """The map of the third stage and the feature [BN,F]; the trunk in bfloat16, the head is in f32."""
         images = batch.images.contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=not self.options.full_precision):
-            features = self.network.features(images)
-        pose, betas, camera = self.network.iterate(features.float())
+            middle = self.network.middle(images)
+            return middle.float(), self.network.layer4(middle).mean((2, 3)).float()
+
+    def regress(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Rotations [BN,24,3,3], betas [BN,10], camera [BN,3]."""
+        pose, betas, camera = self.network.iterate(features)
         return matrix_of_six(pose.unflatten(1, (24, 6))), betas, camera
+
+    def direct_loss(self, middle: Tensor, features: Tensor, batch: people.Batch) -> Tensor:
+        """L_2D + L_3D of the joints that are read directly off the feature, and their places in the map before."""
+        found = self.direct["joints"](features).unflatten(1, (24, 5))
+        places = self.direct["places"](middle)
+        flat = losses.keypoint_loss(found[..., :2], batch.keypoints, batch.confidence)
+        deep = losses.joint_loss(found[..., 2:], batch.joints, torch.ones_like(batch.confidence))
+        return flat + deep + 0.02 * losses.heatmap_loss(places, batch.keypoints, batch.confidence)
 
     def joints(self, batch: people.Batch, rotations: Tensor, betas: Tensor) -> Tensor:
         """Joints [BN,24,3] of the estimated bodies."""
@@ -218,8 +255,9 @@ class Training:
         chosen = self.rng.choice(len(self.scenes), min(self.options.batch, len(self.scenes)), replace=False)
         names = [str(Path(*self.scenes.paths[k].parts[-2:])) for k in chosen]
         scenes = [self.scenes[k] for k in chosen]
-        batch = people.batch(scenes, self.size.image_size, self.rng)
-        rotations, betas, camera = self.regress(batch)
+        batch = people.batch(scenes, self.size.image_size, self.rng, self.replaced())
+        middle, features = self.features(batch)
+        rotations, betas, camera = self.regress(features)
         joints = self.joints(batch, rotations, betas)
         terms = {
             "keypoints": losses.keypoint_loss(project(joints, camera, self.size), batch.keypoints, batch.confidence),
@@ -227,6 +265,8 @@ class Training:
             "camera": losses.camera_loss(camera),
             "prior": losses.prior_loss(rotations[:, 1:], self.mean_rotations[1:], betas),
         }
+        if self.options.direct:
+            terms["direct"] = self.direct_loss(middle, features, batch)
         if self.options.fit_in_the_loop:
             self.fit(names, scenes, batch, (rotations.detach(), betas.detach(), camera.detach()))
             fitted_rotations, fitted_betas, valid = supervision(self.dictionary, names, batch)
@@ -250,7 +290,7 @@ class Training:
         for first in range(0, len(self.validation), 16):
             scenes = [self.validation[k] for k in range(first, min(first + 16, len(self.validation)))]
             batch = people.batch(scenes, self.size.image_size)
-            rotations, betas, _ = self.regress(batch)
+            rotations, betas, _ = self.regress(self.features(batch)[1])
             joints = self.joints(batch, rotations, betas)
             found["mpjpe_mm"].append(1000 * mpjpe(joints, batch.joints))
             found["pa_mpjpe_mm"].append(1000 * pa_mpjpe(joints, batch.joints))

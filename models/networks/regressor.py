@@ -118,11 +118,14 @@ class Regressor(nn.Module):
         for head in (self.decpose, self.decshape, self.deccam):
             nn.init.xavier_uniform_(head.weight, gain=0.01)
 
+    def middle(self, image: Tensor) -> Tensor:
+        """[N,3,S,S] -> the map of the third stage [N,F/2,S/16,S/16]."""
+        x = F.max_pool2d(F.relu(self.bn1(self.conv1(image))), 3, stride=2, padding=1)
+        return self.layer3(self.layer2(self.layer1(x)))
+
     def features(self, image: Tensor) -> Tensor:
         """[N,3,S,S] -> [N,F], the mean of the last map over its places."""
-        x = F.max_pool2d(F.relu(self.bn1(self.conv1(image))), 3, stride=2, padding=1)
-        x = self.layer4(self.layer3(self.layer2(self.layer1(x))))
-        return x.mean((2, 3))
+        return self.layer4(self.middle(image)).mean((2, 3))
 
     def iterate(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """[N,F] -> pose, betas and camera after three corrections of the mean body."""

@@ -103,7 +103,7 @@ class Colours(unittest.TestCase):
             scene["masks"][:, 60:100, 60:100] = 255
         draw = Augmentation.none(8)
         crops = torch.full((32, 3, 128, 128), 200 / 255)
-        people.replace_backgrounds(np.random.default_rng(7), crops, chosen, draw)
+        people.replace_backgrounds(np.random.default_rng(7), crops, chosen, draw, 0.5)
         self.assertLess(float((crops[:, :, 50:78, 50:78] - 200 / 255).abs().max()), 1e-6)
         changed = (crops[:, :, :30] - 200 / 255).abs().amax((1, 2, 3)) > 0.02
         self.assertTrue(0 < int(changed.sum()) < 32)

@@ -1,4 +1,5 @@
 """The regressor's losses by hand-computed cases."""
+import math
 import unittest
 
 import torch
@@ -49,6 +50,25 @@ class Losses(unittest.TestCase):
     def test_a_camera_without_scale_costs_one(self):
         self.assertEqual(float(losses.camera_loss(torch.zeros(2, 3))), 1.0)
         self.assertLess(float(losses.camera_loss(torch.ones(2, 3))), 1e-8)
+
+    def test_a_map_that_points_at_the_joint_costs_least(self):
+        keypoints = torch.tensor([[[-0.75, 0.25], [5.0, 0.0], [0.0, 0.0]]])  # cell (0, 2), outside, between four cells
+        confidence = torch.ones(1, 3)
+        flat = torch.zeros(1, 3, 4, 4)
+        self.assertAlmostEqual(float(losses.heatmap_loss(flat, keypoints, confidence)), math.log(16), places=5)
+        sharp = flat.clone()
+        sharp[0, 0, 2, 0] = 50.0
+        sharp[0, 2, 1:3, 1:3] = 50.0
+        found = float(losses.heatmap_loss(sharp, keypoints, confidence))
+        self.assertAlmostEqual(found, math.log(4) / 2, places=5)
+        sharp[0, 1] = torch.randn(4, 4)
+        self.assertAlmostEqual(float(losses.heatmap_loss(sharp, keypoints, confidence)), found, places=6)
+        self.assertEqual(float(losses.heatmap_loss(sharp, keypoints, 0 * confidence)), 0.0)
+
+    def test_the_mean_body_costs_nothing_of_the_prior(self):
+        mean = torch.eye(3).repeat(23, 1, 1)
+        self.assertEqual(float(losses.prior_loss(mean.repeat(2, 1, 1, 1), mean, torch.zeros(2, 10))), 0.0)
+        self.assertAlmostEqual(float(losses.prior_loss(mean[None], mean, torch.full((1, 10), 2.0))), 0.4, places=6)
 
     def test_the_total_is_60_times_the_weighted_terms(self):
         one = torch.tensor(1.0)
