@@ -11,7 +11,8 @@
 //! - the judge itself, by planted faults ([`suite::faults`]);
 //! - the exported graphs, node by node and stage by stage ([`suite::networks`]);
 //! - marching cubes, voxels and the inside test ([`suite::surface`]);
-//! - the skinning of bodies ([`suite::body`]).
+//! - the skinning of bodies ([`suite::body`]);
+//! - rotations and cameras from a regressor's numbers ([`suite::regress`]).
 //!
 //! `cargo test` runs a moderate number of problems, `VITRUVIAN_CASES=2000 cargo test` more, from `VITRUVIAN_SEED`; `make
 //! conformance` sweeps ten thousand and prints a table.

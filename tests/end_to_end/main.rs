@@ -13,4 +13,6 @@ mod mv_smplify;
 mod pose;
 mod real_body;
 mod reconstruct;
+mod regress;
+mod regress_bad_input;
 mod synthesize;

@@ -8,10 +8,12 @@
 //! | [`regressor`] | where the regressor's stages stand in a graph, and faults planted in one |
 //! | [`surface`] | marching cubes, voxels and the inside test |
 //! | [`body`] | skinning of bodies, and planted faults in it |
+//! | [`regress`] | what stands around a regressor: rotations and cameras, and planted faults in it |
 
 pub mod body;
 pub mod faults;
 pub mod networks;
 pub mod operators;
+pub mod regress;
 pub mod regressor;
 pub mod surface;
