@@ -16,15 +16,17 @@ use crate::mesh_format::MeshFormat;
 use crate::output_folder::OutputFolder;
 use crate::progress::StageBars;
 use crate::reconstruct::body_capture::{BodyCapture, stage_name};
-use crate::reconstruct::{self, Networks};
+use crate::reconstruct::{self, Networks, models};
+use crate::regress::people::Errors;
 use crate::synthesis::surroundings::Wanted;
 use crate::synthesis::{Scene, Settings, Surroundings};
-use crate::{fit, synthesize, table};
+use crate::{fit, regress, synthesize, table};
 
 /// The folder of the capture within the results.
 const CAPTURE: &str = "capture";
 
-/// Show it all: photograph a made-up person, fit a body, reconstruct the surface, refine it, measure against the truth
+/// Show it all: photograph a made-up person, fit a body, regress it from each photograph, reconstruct the surface, refine it, measure
+/// against the truth
 ///
 /// Writes the capture, the meshes, pictures and a page, index.html, that shows them.
 #[derive(clap::Args)]
@@ -46,6 +48,9 @@ pub struct Arguments {
 /// The folder of the fitted body within the results.
 const FIT: &str = "fit";
 
+/// The folder of the regressed bodies within the results.
+const REGRESS: &str = "regress";
+
 /// How far the fitted body is from the truth.
 pub struct Body {
     /// Eq. 2.7, millimetres.
@@ -62,6 +67,8 @@ pub struct Results<'a> {
     pub seconds: Vec<(&'static str, f64)>,
     /// The body fitted to joints and masks.
     pub fitted: Body,
+    /// The bodies regressed from one photograph each, where there is a regressor.
+    pub regressed: Option<Errors>,
     /// The surfaces and their errors.
     pub done: &'a BodyCapture,
     /// The seed of the scene.
@@ -99,6 +106,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         faces: skin.faces.len(),
     };
 
+    bars.show("regress", 0, 1);
+    let clock = Instant::now();
+    let models = models::find(arguments.models.as_deref())?;
+    let regressed = regress::from_each_view(&folder.file(CAPTURE), &models, &folder.file(REGRESS))?;
+    match regressed {
+        Some(_) => seconds.push(("regress", clock.elapsed().as_secs_f64())),
+        None => eprintln!("{} has no regressor.onnx: nothing is regressed", models.display()),
+    }
+
     let done =
         BodyCapture::reconstruct(&folder.file(CAPTURE), &mut networks.reconstructor, &options, &mut bars)?;
     seconds.push(("read and crop", done.seconds_to_read));
@@ -107,7 +123,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let capture = arguments.out.join(CAPTURE);
     reconstruct::write(&folder, &capture, &done, &options, MeshFormat::Ply, &networks.graphs)?;
-    let results = Results { seconds, fitted, done: &done, seed: arguments.seed };
+    let results =
+        Results { seconds, fitted, regressed: regressed.flatten(), done: &done, seed: arguments.seed };
     atomic::write(&folder.file("index.html"), page::page(&results).as_bytes())?;
     folder.place(&[])?;
     bars.clear();
@@ -155,5 +172,11 @@ fn text(results: &Results) -> String {
     let surfaces = table::aligned(&Results::surface_head(), &results.surface_rows());
     let joints =
         format!("fitted body: joints {:.2} mm from the true ones (eq. 2.7)", results.fitted.joint_error_mm);
-    format!("{times}\n\n{surfaces}\n{}\n{joints}", Sampling::default().words())
+    let regressed = results.regressed.map_or(String::new(), |errors| {
+        format!(
+            "\nregressed bodies, one photograph each: joints {:.1} mm from the true ones (MPJPE), {:.1} mm aligned (PA-MPJPE)",
+            errors.mpjpe_mm, errors.pa_mpjpe_mm
+        )
+    });
+    format!("{times}\n\n{surfaces}\n{}\n{joints}{regressed}", Sampling::default().words())
 }

@@ -1,6 +1,6 @@
 //! `vitruvian regress`: pose, shape and camera of a person from one photograph, by a network.
 
-mod people;
+pub mod people;
 mod photograph;
 mod report;
 mod write;
@@ -8,6 +8,7 @@ mod write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use indicatif::ProgressBar;
 use serde_json::Value;
 use vitruvian_runtime::error::Error;
 use vitruvian_runtime::regress::camera::CONVENTION;
@@ -15,7 +16,7 @@ use vitruvian_runtime::regress::{JOINTS, Regressor};
 use vitruvian_runtime::session;
 use vitruvian_runtime::skinning::Skinner;
 
-use self::people::People;
+use self::people::{Errors, People};
 use self::photograph::Source;
 use crate::captures::{self, Job};
 use crate::failure::{Failure, Result, about};
@@ -86,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     for (source, out) in &jobs {
         let done = one(source, out, &mut setting, &bar);
         match done {
-            Ok(words) => bar.suspend(|| eprintln!("{words}")),
+            Ok(people) => bar.suspend(|| eprintln!("{}: {}", out.display(), people.words())),
             Err(failure) if jobs.len() > 1 => {
                 bar.suspend(|| eprintln!("error: {failure}"));
                 failures.push(failure);
@@ -133,42 +134,44 @@ fn jobs(arguments: &Arguments) -> Result<Vec<(Source, PathBuf)>> {
 
 impl Setting {
     fn load(arguments: &Arguments) -> Result<Setting> {
-        let body = arguments.body.as_deref();
-        let arrays = body::load_arrays(body)?;
-        let name = body.unwrap_or(Path::new("the mannequin"));
-        if arrays.joint_count() != JOINTS {
-            let message = format!(
-                "has {} joints; a regressor poses SMPL's {JOINTS}: give such a body",
-                arrays.joint_count()
-            );
-            return Err(Error::file(name, message).into());
-        }
-        let path = match &arguments.graph {
+        let graph = match &arguments.graph {
             Some(graph) => graph.clone(),
             None => models::find(arguments.models.as_deref())?.join(GRAPH),
         };
-        let regressor = Regressor::load(&path, &session::Settings::default())?;
+        Setting::new(arguments.body.as_deref(), &graph, arguments.format)
+    }
+
+    fn new(body: Option<&Path>, graph: &Path, format: MeshFormat) -> Result<Setting> {
+        let arrays = body::load_arrays(body)?;
+        let name = body.unwrap_or(Path::new("the mannequin"));
+        let refuse = |message: String| Err(Error::file(name, message).into());
+        if arrays.joint_count() != JOINTS {
+            let joints = arrays.joint_count();
+            return refuse(format!(
+                "has {joints} joints; a regressor poses SMPL's {JOINTS}: give such a body"
+            ));
+        }
+        let regressor = Regressor::load(graph, &session::Settings::default())?;
         if let Some(betas) = regressor.beta_count().filter(|&betas| betas > arrays.beta_count()) {
-            let message = format!(
+            return refuse(format!(
                 "has {} betas, but {} gives {betas}: give a body with as many",
                 arrays.beta_count(),
-                path.display()
-            );
-            return Err(Error::file(name, message).into());
+                graph.display()
+            ));
         }
         Ok(Setting {
             regressor,
-            graph: models::describe_file(&path)?,
+            graph: models::describe_file(graph)?,
             skinner: Skinner::new(&arrays).map_err(about(name))?,
             faces: arrays.faces,
-            body: arguments.body.clone(),
-            format: arguments.format,
+            body: body.map(Path::to_owned),
+            format,
         })
     }
 }
 
-/// Looks at the photographs of one source, in portions, and writes what was found when all are done; with words for the user.
-fn one(source: &Source, out: &Path, setting: &mut Setting, bar: &indicatif::ProgressBar) -> Result<String> {
+/// Looks at the photographs of one source, in portions, and writes what was found when all are done.
+fn one(source: &Source, out: &Path, setting: &mut Setting, bar: &ProgressBar) -> Result<People> {
     let clock = Instant::now();
     let folder = OutputFolder::begin(out)?;
     let mut people = People::default();
@@ -184,5 +187,18 @@ fn one(source: &Source, out: &Path, setting: &mut Setting, bar: &indicatif::Prog
     write::report(&folder, &report::report(source, &people, setting, seconds))?;
     let stale = write::stale(&people, setting);
     folder.place(&stale.iter().map(String::as_str).collect::<Vec<_>>())?;
-    Ok(format!("{}: {}", out.display(), people.words()))
+    Ok(people)
+}
+
+/// Regresses the mannequin from every view of a capture, by the regressor of a models folder, and writes the results into the
+/// folder `out`; with the mean errors where the capture knows the truth. `None` if the models folder has no regressor.
+pub fn from_each_view(capture: &Path, models: &Path, out: &Path) -> Result<Option<Option<Errors>>> {
+    let graph = models.join(GRAPH);
+    if !graph.is_file() {
+        return Ok(None);
+    }
+    let mut setting = Setting::new(None, &graph, MeshFormat::Ply)?;
+    let source = Source::capture(capture.to_owned())?;
+    let people = one(&source, out, &mut setting, &ProgressBar::hidden())?;
+    Ok(Some(people.mean_errors()))
 }

@@ -27,12 +27,13 @@ pub fn page(results: &Results) -> String {
          was asked for. {sampling}.</p>\n\
          <h2>Pictures</h2>\n<img src=\"preview.png\" alt=\"Rows: input views; coarse surface; refined surface; true surface; \
          refined surface coloured by its distance from the truth\">\n\
-         <p>The fitted body over the photographs; red: keypoints, blue: where the body has them.</p>\n{overlays}\n\
+         <p>The fitted body over the photographs; red: keypoints, blue: where the body has them.</p>\n{overlays}\n{regressed}\
          <h2>Time</h2>\n{times}\n\
          <h2>Files</h2>\n<p>{files}</p>\n</html>\n",
         seed = results.seed,
         joints = results.fitted.joint_error_mm,
-        overlays = overlays(results),
+        overlays = overlays(results, "fit"),
+        regressed = regressed(results),
         surfaces = html_table(&Results::surface_head(), &results.surface_rows()),
         times = html_table(&["stage", "seconds"], &results.time_rows()),
         sampling = Sampling::default().words(),
@@ -51,11 +52,25 @@ pub fn page(results: &Results) -> String {
     )
 }
 
-fn overlays(results: &Results) -> String {
+fn overlays(results: &Results, folder: &str) -> String {
     let picture = |name: &str| {
-        format!("<img src=\"fit/overlay_{name}.png\" alt=\"camera {name}\" style=\"max-width:24%\">")
+        format!("<img src=\"{folder}/overlay_{name}.png\" alt=\"camera {name}\" style=\"max-width:24%\">")
     };
     results.done.views.iter().map(|view| picture(&view.camera.name)).collect()
+}
+
+/// The regressed bodies, where there is a regressor.
+fn regressed(results: &Results) -> String {
+    results.regressed.map_or(String::new(), |errors| {
+        format!(
+            "<p>The body that the regressor sees in each photograph by itself; its joints are {:.1} mm from the true ones \
+             (MPJPE), {:.1} mm after alignment (PA-MPJPE). The frame is what it was shown.</p>\n{}\n\
+             <p><a href=\"regress/params.npz\">regress/params.npz</a> · <a href=\"regress/report.json\">regress/report.json</a></p>\n",
+            errors.mpjpe_mm,
+            errors.pa_mpjpe_mm,
+            overlays(results, "regress")
+        )
+    })
 }
 
 fn html_table(head: &[&str], rows: &[Vec<String>]) -> String {

@@ -80,20 +80,20 @@ pub struct Problem {
 pub fn problems() -> impl Strategy<Value = Problem> {
     use std::f64::consts::PI;
     let angle = prop_oneof![
-        3 => 0.0..PI,
-        1 => (0.0..16.0).prop_map(|k| PI - 10f64.powf(-k)),
-        1 => (0.0..200.0).prop_map(|k| 10f64.powf(-k)),
+        3 => 0.0f64..PI,
+        1 => (0.0..16.0).prop_map(|k: f64| PI - 10f64.powf(-k)),
+        1 => (0.0..200.0).prop_map(|k: f64| 10f64.powf(-k)),
     ];
-    let axis = prop::array::uniform3(-1.0..1.0).prop_filter("a direction", |v| norm(*v) > 1e-3);
+    let axis = prop::array::uniform3(-1.0f64..1.0).prop_filter("a direction", |v| norm(*v) > 1e-3);
     let rotation = (axis, angle).prop_map(|(axis, angle)| scale(axis, angle / norm(axis)));
-    let columns = (prop::array::uniform6(-3.0..3.0), -12.0..12.0, -12.0..12.0)
+    let columns = (prop::array::uniform6(-3.0f64..3.0), -12.0f64..12.0, -12.0f64..12.0)
         .prop_map(|(x, a, b)| std::array::from_fn(|i| x[i] * 10f64.powf(if i % 2 == 0 { a } else { b })));
     let columns = columns.prop_filter("two directions", |x| sine(x) > 1e-5);
-    let noise = (prop::array::uniform9(-1.0..1.0), -16.0..-1.8)
+    let noise = (prop::array::uniform9(-1.0f64..1.0), -16.0f64..-1.8)
         .prop_map(|(x, k)| std::array::from_fn(|r| std::array::from_fn(|c| x[3 * r + c] * 10f64.powf(k))));
-    let camera = (0.05..3.0, -2.0..2.0, -2.0..2.0).prop_map(|(s, x, y)| [s, x, y]);
+    let camera = (0.05f64..3.0, -2.0f64..2.0, -2.0f64..2.0).prop_map(|(s, x, y)| [s, x, y]);
     let crop = (prop::array::uniform2(-500i64..2000), 8u32..3000);
-    let k = (200.0..5000.0, 0.8..1.25, 0.0..2000.0, 0.0..2000.0)
+    let k = (200.0f64..5000.0, 0.8f64..1.25, 0.0f64..2000.0, 0.0f64..2000.0)
         .prop_map(|(f, aspect, x, y)| [[f, 0.0, x], [0.0, f * aspect, y], [0.0, 0.0, 1.0]]);
     (rotation, columns, noise, camera, crop, k).prop_map(|(axis_angle, six_d, noise, camera, crop, k)| {
         Problem { axis_angle, six_d, noise, camera, crop, k }
@@ -155,23 +155,33 @@ impl Problem {
         let [s, t_x, t_y] = self.camera;
         let pixels_per_metre = 0.5 * s * side_px;
         let [[fx, _, cx], [_, fy, cy], _] = self.k;
-        let pinhole = Pinhole { focal_px: [fx, fy], principal_px: [cx, cy], translation: found, ..Pinhole::ideal(fx, [cx, cy]) };
+        let pinhole = Pinhole {
+            focal_px: [fx, fy],
+            principal_px: [cx, cy],
+            translation: found,
+            ..Pinhole::ideal(fx, [cx, cy])
+        };
         let behind = "full_image_translation: behind the camera";
         let seen = pinhole.project([0.0; 3]).ok_or(behind)?;
         let by_point = pinhole.project_derivative([0.0; 3]).ok_or(behind)?.point;
         let middle = [u as f64 + 0.5 * side_px, v as f64 + 0.5 * side_px];
         let expected = [middle[0] + pixels_per_metre * t_x, middle[1] + pixels_per_metre * t_y];
-        let size = middle[0].abs() + middle[1].abs() + pixels_per_metre * (1.0 + t_x.abs() + t_y.abs()) + cx + cy;
+        let size =
+            middle[0].abs() + middle[1].abs() + pixels_per_metre * (1.0 + t_x.abs() + t_y.abs()) + cx + cy;
         let bound = gamma(32.0, UNIT_ROUNDOFF_F64) * size;
         for axis in 0..2 {
             let off = (seen[axis] - expected[axis]).abs();
             if off.is_nan() || off > bound {
-                return Err(format!("full_image_translation: the origin is seen at {seen:?} px, expected {expected:?} ± {bound:e}"));
+                return Err(format!(
+                    "full_image_translation: the origin is seen at {seen:?} px, expected {expected:?} ± {bound:e}"
+                ));
             }
         }
         let found_scale = (by_point[0][0] * by_point[1][1]).sqrt();
         if (found_scale - pixels_per_metre).abs() > bound {
-            return Err(format!("full_image_translation: a metre is {found_scale} px, expected {pixels_per_metre} ± {bound:e}"));
+            return Err(format!(
+                "full_image_translation: a metre is {found_scale} px, expected {pixels_per_metre} ± {bound:e}"
+            ));
         }
 
         // SPIN's camera: the crop itself is the photograph.
@@ -184,7 +194,10 @@ impl Problem {
         for translation in [whole, own] {
             let off = distance(translation, spin.translation);
             if off.is_nan() || off > 2.0 * bound {
-                return Err(format!("SPIN's camera: {translation:?}, expected {:?} ± {bound:e}", spin.translation));
+                return Err(format!(
+                    "SPIN's camera: {translation:?}, expected {:?} ± {bound:e}",
+                    spin.translation
+                ));
             }
         }
         Ok(())

@@ -28,10 +28,7 @@ pub const FAULTS: &[Fault] = &[
         name: "the second column first",
         subject: Subject { from_six_d: |x| from_six_d([x[1], x[0], x[3], x[2], x[5], x[4]]), ..RUNTIME },
     },
-    Fault {
-        name: "matrices left as they are",
-        subject: Subject { nearest: |m| Some(*m), ..RUNTIME },
-    },
+    Fault { name: "matrices left as they are", subject: Subject { nearest: |m| Some(*m), ..RUNTIME } },
     Fault {
         name: "matrices by columns",
         subject: Subject { nearest: |m| nearest(&transposed(*m)), ..RUNTIME },
