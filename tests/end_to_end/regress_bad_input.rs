@@ -80,7 +80,7 @@ fn boxes_without_area_without_sense_or_outside_the_photograph() {
         ("10,10,NaN,20", "expected four numbers"),
         ("64,10,20,20", "it lies outside"),
         ("-30,-30,20,20", "it lies outside"),
-        ("10,10,1e-3,1e-3", "it holds no pixel"),
+        ("10.4,10.4,1e-3,1e-3", "it holds no pixel"),
         ("10,10,1e9,1e9", "its side is more than"),
     ] {
         scene.refused(2, &with(&["--box", text]), &[words]);
@@ -116,7 +116,10 @@ fn photographs_that_are_none_absent_or_of_one_name() {
     fs::write(scene.path("photo.png"), &photograph[..photograph.len() - 20]).expect("writable");
     scene.refused(2, &GOOD, &["photo.png: cannot be decoded"]);
     fs::write(scene.path("photo.png"), "not a picture").expect("writable");
-    scene.refused(2, &GOOD, &["photo.png: is neither a PNG nor a JPEG"]);
+    scene.refused(2, &GOOD, &["photo.png: cannot be decoded"]);
+    fs::write(scene.path("notes.txt"), "not a picture").expect("writable");
+    let words = ["@/notes.txt", "--graph", "@/answer.onnx"];
+    scene.refused(2, &words, &["notes.txt: is neither a PNG nor a JPEG"]);
     fs::remove_file(scene.path("photo.png")).expect("a photograph");
     scene.refused(2, &GOOD, &["photo.png"]);
     fs::create_dir(scene.path("empty")).expect("a writable folder");
