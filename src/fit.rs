@@ -11,6 +11,7 @@ pub mod overlay;
 mod report;
 mod sequence;
 mod settings;
+mod view_starts;
 mod write;
 
 use std::path::{Path, PathBuf};

@@ -26,7 +26,7 @@ use crate::reconstruct::models;
 use crate::{body, progress};
 
 /// The regressor's file in a models folder.
-const GRAPH: &str = "regressor.onnx";
+pub const GRAPH: &str = "regressor.onnx";
 
 /// Regress a body from each photograph by itself: pose, shape and a weak-perspective camera (chapter 4)
 ///

@@ -202,6 +202,7 @@ fn named(observed: &Observed, refusal: &Refusal) -> Failure {
         Refusal::KeypointCount { view, .. }
         | Refusal::BadKeypoint { view, .. }
         | Refusal::BadCamera { view, .. }
+        | Refusal::BadStart { view, .. }
         | Refusal::TooFewKeypointsInView { view, .. } => *view,
         other => return refuse(&observed.path, other.to_string()),
     };

@@ -3,8 +3,6 @@
 //! The method knows nothing of where the cameras stand: each view has its own turn and place of the body, which are told as
 //! cameras around one body, the world being the first camera's frame.
 
-use std::path::PathBuf;
-
 use serde_json::{Map, Value, json};
 use vitruvian_reference::body::BodyModel;
 use vitruvian_reference::camera::Pinhole;
@@ -18,11 +16,11 @@ use vitruvian_reference::fitting::{KeypointSet, Observation, Parameters, Refusal
 use vitruvian_reference::linalg::matrix::{IDENTITY, Matrix3, apply, mul, transpose};
 use vitruvian_reference::linalg::vector::{Vector3, add, sub};
 use vitruvian_reference::rotation::rodrigues;
-use vitruvian_runtime::file::params::{self, Counts};
 
+use super::mixture;
 use super::observed::Observed;
-use super::settings::{Cameras, Choices, StartMode};
-use super::{mixture, refuse};
+use super::settings::{Cameras, Choices};
+use super::view_starts::ViewStarts;
 use crate::failure::{Failure, Result};
 
 /// The fit, ready for a body, and what it starts from.
@@ -30,7 +28,7 @@ pub struct Collaborative<'a> {
     body: &'a BodyModel,
     preset: MvPreset,
     options: MvSmplifyOptions,
-    given: PathBuf,
+    starts: ViewStarts,
 }
 
 /// A fit, as one body in one world.
@@ -46,18 +44,13 @@ pub struct CollaborativeFit {
 impl<'a> Collaborative<'a> {
     /// Checks the choices and reads what they name.
     pub fn new(choices: &Choices, body: &'a BodyModel) -> Result<Collaborative<'a>> {
-        let conflict = |words: &str| Err(Failure::Usage(format!("{words} with --method mv-smplify")));
         if choices.cameras == Some(Cameras::Known) {
-            return conflict(
-                "--cameras known: the places of the cameras are found, use unknown or leave it away",
-            );
+            return Err(Failure::Usage(
+                "--cameras known: --method mv-smplify finds their places itself; use unknown or leave it away".into(),
+            ));
         }
-        let given = match &choices.start {
-            Some(StartMode::Given(path)) => path.clone(),
-            Some(_) => return conflict("--start robust and identity do not go"),
-            None => return conflict("--start PARAMS.npz is needed"),
-        };
-        Ok(Collaborative { body, preset: preset(choices)?, options: options(choices)?, given })
+        let (preset, options) = (preset(choices)?, options(choices)?);
+        Ok(Collaborative { body, preset, options, starts: ViewStarts::new(choices, body)? })
     }
 
     /// The name of its preset.
@@ -67,45 +60,17 @@ impl<'a> Collaborative<'a> {
 
     /// What it starts from, in words.
     pub fn start_name(&self) -> String {
-        self.given.display().to_string()
+        self.starts.name()
     }
 
-    /// What is known of each view before the fit.
+    /// Where it starts in each view.
     pub fn start(&self, observed: &Observed) -> Result<Vec<ViewStart>> {
-        let path = self.file_for(observed);
-        let body = self.body;
-        let counts =
-            Counts { vertices: body.vertex_count(), joints: body.joint_count(), betas: body.beta_count() };
-        let found = params::read(&path, &counts)?;
-        let (frames, views) = (found.frame_count(), observed.capture.views.len());
-        if frames != views {
-            let message = format!(
-                "holds {frames} frames; {} has {views} views and needs one for each",
-                observed.path.display()
-            );
-            return Err(refuse(&path, message));
-        }
-        Ok((0..frames).map(|frame| self.view_start(&found, frame)).collect())
+        self.starts.of(observed, self.body)
     }
 
-    /// The file, or params.npz in the folder, or in the folder that is named like the capture in the folder.
-    fn file_for(&self, observed: &Observed) -> PathBuf {
-        if !self.given.is_dir() {
-            return self.given.clone();
-        }
-        let of_capture = observed.path.file_name().map(|name| self.given.join(name).join("params.npz"));
-        of_capture.filter(|path| path.is_file()).unwrap_or_else(|| self.given.join("params.npz"))
-    }
-
-    fn view_start(&self, found: &params::Parameters, frame: usize) -> ViewStart {
-        let pose = &found.poses[frame];
-        ViewStart {
-            root: [pose[0], pose[1], pose[2]],
-            translation: found.trans[frame],
-            body_pose: pose[3..].to_vec(),
-            betas: found.betas_of(frame).to_vec(),
-            side_px: None,
-        }
+    /// Whether it needs the pictures.
+    pub fn needs_images(&self) -> bool {
+        self.starts.needs_images()
     }
 
     /// Fits the body to the keypoints of all views.

@@ -32,7 +32,8 @@ impl Observed {
     pub fn read(path: &Path, settings: &Settings) -> Result<Observed> {
         let silhouette = settings.method == Method::Silhouette;
         let masks = if silhouette { Need::Required } else { Need::Optional };
-        let needs = Needs { images: Need::Optional, masks, keypoints: Need::Optional };
+        let images = if settings.needs_images() { Need::Required } else { Need::Optional };
+        let needs = Needs { images, masks, keypoints: Need::Optional };
         let mut capture = Capture::read(path, needs)?;
         if settings.method == Method::Smplify {
             capture.views.truncate(1);

@@ -176,6 +176,11 @@ impl<'a> Settings<'a> {
         })
     }
 
+    /// Whether the fit looks at the pictures.
+    pub fn needs_images(&self) -> bool {
+        matches!(&self.fitter, Fitter::Collaborative(fitter) if fitter.needs_images())
+    }
+
     /// For reports, and for telling whether an interrupted run asked for the same.
     pub fn json(&self) -> Value {
         let word = |value: &dyn std::fmt::Debug| kebab(&format!("{value:?}"));

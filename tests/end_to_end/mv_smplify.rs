@@ -340,11 +340,35 @@ fn starts_and_options_that_do_not_fit_are_refused() {
     refused(&capture, &["--start", "params.npz"], &["--start params.npz", "mv-smplify"]);
     refused(&capture, &["--models", "m"], &["--models", "mv-smplify"]);
 
+    let both = ["--start", word(&start), "--models", "m"];
+    refused(
+        &capture,
+        &mv(&[])[..].iter().copied().chain(both).collect::<Vec<_>>(),
+        &["--start and --models"],
+    );
+    let no_graph =
+        ["fit", word(&capture), "-o", word(&out), "--method", "mv-smplify", "--models", word(folder.path())];
+    let missing = vitruvian(&no_graph);
+    assert!(missing.status == 3 && missing.err.contains("regressor.onnx") && !out.exists(), "{missing:?}");
+
     let with_start = |path: &PathBuf, expected: &[&str]| {
         refused(path, &["--method", "mv-smplify", "--start", word(&start)], expected);
     };
     write_start(&start, &capture, 3);
     with_start(&capture, &["start.npz", "holds 3 frames", "4 views"]);
+    write_start(&start, &capture, N);
+    let named = |names: [&str; N]| {
+        let names = names.map(str::to_owned);
+        let mut npz = Npz::open(&start).expect("a start");
+        let poses = npz.array::<f64>("poses").expect("poses").values;
+        let values = [
+            Named { name: "poses", shape: &[N, 72], values: Values::F64(&poses) },
+            Named { name: "names", shape: &[N], values: Values::Text(&names) },
+        ];
+        npz::write(&start, &values).expect("a writable folder");
+    };
+    named(["yaw_000", "yaw_090", "yaw_270", "yaw_180"]);
+    with_start(&capture, &["start.npz", "is of the views yaw_000, yaw_090, yaw_270, yaw_180;"]);
     let b = mannequin().beta_count();
     let zeros = |name, shape: Vec<usize>| Plain { name, values: vec![0.0; shape.iter().product()], shape };
     let mut betas = zeros("betas", vec![N, b + 1]);
