@@ -1,6 +1,7 @@
 //! What the experiments share: arguments, bodies, people.
-#![allow(dead_code, reason = "each experiment uses its part")]
+#![allow(dead_code, unused_imports, reason = "each experiment uses its part")]
 
+pub mod held_out;
 pub mod silhouettes;
 
 use std::path::PathBuf;
