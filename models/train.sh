@@ -53,11 +53,3 @@ regressor regressor --start "$runs/regressor_start.pt" --steps 3000 --rate 7e-4 
   --fit-in-the-loop --program "$vitruvian"
 
 "$python" models/export.py --size small --filling trained --checkpoints "$runs" -o models/exported
-
-# The regressor's scenes have surroundings; it watches both bodies.
-regressor=$data/regressor
-"$vitruvian" dataset --for regressor -o "$regressor/mannequin" --count 2500 --seed 2
-"$vitruvian" dataset --for regressor -o "$regressor/validation" --count 48 --seed 3 ${body:+--body "$body"}
-"$vitruvian" dataset --for regressor -o "$regressor/validation_mannequin" --count 48 --seed 3
-mkdir -p "$regressor/body"
-[ -z "$body" ] || "$vitruvian" dataset --for regressor -o "$regressor/body" --count 9000 --seed 1 --body "$body"
