@@ -55,6 +55,7 @@
 //! | ch. 3, overlap of silhouettes | – | [`metric::silhouette`] |
 //! | ch. 4, regressor | – (erratum E50) | [`network::regressor`] |
 //! | ch. 4, training of the regressor | 4.1, 4.3–4.6 (errata E41–E43) | [`loss`] |
+//! | ch. 4 §3.3, one body from what is regressed of each view | 4.2 (errata E44–E46, E51) | [`fitting::mv_smplify`], [`fitting::camera_translation`] |
 //! | ch. 4, camera and rotations of the regressor | – | [`camera::WeakPerspective`], [`rotation::from_six_d`] |
 //! | ch. 4, MPJPE, reconstruction error, PCK, AUC | – | [`metric::joint_errors`], [`metric::pck`], [`metric::procrustes`] |
 //! | ch. 5, MF-PIFu | 5.1–5.3 | [`network::mf_pifu`] |

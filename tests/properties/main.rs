@@ -7,6 +7,7 @@ mod body_layouts;
 mod fitting;
 mod joint_metrics;
 mod least_squares;
+mod mv_smplify;
 mod nn;
 mod plain_body;
 mod rotation;

@@ -19,6 +19,10 @@
 //! [`inverse_kinematics`]); [`multiview_smplify`] runs the stages; [`polish`] ends them by empirical Bayes,
 //! from [`depth_flip`]s too where exact marks are nearly met.
 //!
+//! # Other chapters
+//! [`silhouette`]: shape from masks (chapter 3). [`mv_smplify`]: one body from what a regressor says of each view (chapter 4), with
+//! [`camera_translation`] where a camera is to be found from joints alone.
+//!
 //! # References
 //! Li 2021, ch. 2 and ch. 3 §3.2; Bogo, Kanazawa, Lassner, Gehler, Romero, Black 2016, "Keep it SMPL".
 

@@ -55,8 +55,8 @@ pub struct MvSmplifyOptions {
     pub mixture_weight: f64,
     /// The mixture over the pose without its root.
     pub mixture: Option<GaussianMixture>,
-    /// Whether a fit that is not [valid](super::MvFit::valid) is tried again from orientations sought anew.
-    pub retry: bool,
+    /// Whether views that would fit far better facing elsewhere are tried there as well, and the better fit is kept.
+    pub reseat: bool,
 }
 
 /// The named ways to run a fit.
@@ -66,7 +66,8 @@ pub enum MvPreset {
     Thesis,
     /// The same numbers as the released code runs them: translations move in stage 2 as well.
     Released,
-    /// What serves a user.
+    /// What serves a user without a mixture of poses: translations move, the pose keeps near what the regressor said, and in a
+    /// second descent all priors are as strong as the noise of the marks asks for.
     #[default]
     Refined,
 }
@@ -85,6 +86,10 @@ impl MvPreset {
     }
 
     /// What the preset stands for; without a mixture, which is data of others.
+    ///
+    /// [`MvPreset::Refined`] takes the regressor's errors to be 0.2 rad in each component: λ_s = 5 px / 0.2 rad, as λ_β = 5 px
+    /// for betas of deviation 1 ([`noise`](super::noise)). Its steps are as long as the first descent needs to cross 0.5 rad, and
+    /// fall until what Adam leaves undecided is less than the noise.
     pub fn options(self) -> MvSmplifyOptions {
         let thesis = MvSmplifyOptions {
             crop_side_px: 224.0,
@@ -101,7 +106,7 @@ impl MvPreset {
             start_weight: 0.0,
             mixture_weight: 4.78,
             mixture: None,
-            retry: false,
+            reseat: false,
         };
         match self {
             MvPreset::Thesis => thesis,
@@ -112,7 +117,7 @@ impl MvPreset {
                 shared: Descent { steps: 100, learning_rate: 3e-2, final_learning_rate: 1e-2 },
                 start_weight: 25.0,
                 settling: Some(Descent { steps: 150, learning_rate: 2e-2, final_learning_rate: 2e-3 }),
-                retry: true,
+                reseat: true,
                 ..thesis
             },
         }

@@ -8,14 +8,16 @@ use super::shared_stage::{Shared, SharedStage};
 use super::view_term::Placement;
 use crate::fitting::resection::{Landmark, resect};
 use crate::linalg::vector::sub;
-use crate::rotation::{logarithm, rodrigues};
+use crate::rotation::{angle_between, logarithm, rodrigues};
 
+/// A view faces elsewhere if its root turns by more than this, radians; less is what the stages are for.
+const ELSEWHERE_RAD: f64 = 1.0;
 /// A new orientation is taken if it leaves less than this of the view's loss.
 const MUCH_LESS: f64 = 0.5;
 /// Candidates for each view.
 const CANDIDATES: usize = 3;
 
-/// `begin` with the views placed anew that gain much by it; `None` if none does.
+/// `begin` with the views turned elsewhere that gain much by it; `None` if none does.
 pub(super) fn reseated(stage: &SharedStage, begin: &Shared, sigma_px: f64) -> Option<Shared> {
     let mut pose = stage.figure.room();
     stage.figure.pose(&begin.body_pose, &begin.betas, &mut pose);
@@ -34,8 +36,10 @@ pub(super) fn reseated(stage: &SharedStage, begin: &Shared, sigma_px: f64) -> Op
         let focal = (view.camera.focal_px[0] * view.camera.focal_px[1]).sqrt();
         let sigma = sigma_px / (view.crop_scale * focal);
         let loss = |at: &Placement| view.losses(at, &pose.points, pose.pelvis).iter().sum::<f64>();
+        let current = rodrigues(placement.root);
         let best = resect(&landmarks, &upright, sigma, CANDIDATES)
             .into_iter()
+            .filter(|camera| angle_between(&camera.rotation, &current) > ELSEWHERE_RAD)
             .map(|camera| Placement {
                 root: logarithm(&camera.rotation),
                 translation: sub(camera.translation, pose.pelvis),

@@ -1,5 +1,6 @@
 //! What a collaborative fit gives back, and whether it may teach.
 
+use super::shared_stage::{Shared, SharedStage};
 use crate::linalg::vector::Vector3;
 
 /// One body in N views.
@@ -29,6 +30,31 @@ pub struct MvFit {
 pub const VALID_BELOW: f64 = 100.0;
 
 impl MvFit {
+    /// What a stage's unknowns mean, with the losses they leave.
+    pub(super) fn of(stage: &SharedStage, shared: Shared) -> MvFit {
+        let (losses, count) = (stage.losses(&shared), stage.figure.keypoint_count());
+        let mut keypoint_losses = vec![0.0; count];
+        let mut is_counted = vec![false; count];
+        for (view, losses) in stage.views.iter().zip(&losses) {
+            for (mark, loss) in view.marks.iter().zip(losses) {
+                keypoint_losses[mark.keypoint] += loss;
+                is_counted[mark.keypoint] = true;
+            }
+        }
+        let counted = is_counted.iter().filter(|counted| **counted).count();
+        let mean_loss = keypoint_losses.iter().sum::<f64>() / counted as f64;
+        MvFit {
+            roots: shared.placements.iter().map(|p| p.root).collect(),
+            body_pose: shared.body_pose,
+            betas: shared.betas,
+            translations: shared.placements.iter().map(|p| p.translation).collect(),
+            keypoint_losses,
+            view_losses: losses.iter().map(|l| l.iter().sum::<f64>() / l.len() as f64).collect(),
+            mean_loss,
+            valid: mean_loss < VALID_BELOW,
+        }
+    }
+
     /// θ in the camera of `view`: its root and the shared rest, 3J numbers.
     ///
     /// # Panics

@@ -105,12 +105,17 @@ impl SharedStage<'_> {
         value + self.priors.value_and_slope(&at.body_pose, &at.betas, by_pose, by_betas)
     }
 
-    /// By how much the marks, as `at` leaves them, allow the priors to be weaker.
-    pub(super) fn prior_factor(&self, at: &Shared) -> f64 {
+    /// The weighted loss of every mark of every view.
+    pub(super) fn losses(&self, at: &Shared) -> Vec<Vec<f64>> {
         let mut pose = self.figure.room();
         self.figure.pose(&at.body_pose, &at.betas, &mut pose);
         let views = self.views.iter().zip(&at.placements);
-        let loss = views.flat_map(|(view, p)| view.losses(p, &pose.points, pose.pelvis)).sum();
+        views.map(|(view, placement)| view.losses(placement, &pose.points, pose.pelvis)).collect()
+    }
+
+    /// By how much the marks, as `at` leaves them, allow the priors to be weaker.
+    pub(super) fn prior_factor(&self, at: &Shared) -> f64 {
+        let loss = self.losses(at).iter().flatten().sum();
         let marks = self.views.iter().map(|view| view.marks.len()).sum();
         prior_factor(loss, marks, self.pack(at).len())
     }
@@ -136,6 +141,8 @@ mod tests {
     use crate::fitting::KeypointSet;
     use crate::fitting::prior::GaussianMixture;
     use crate::fitting::test_scene::{body, body_of_smpl_size};
+    use crate::linalg::matrix::apply;
+    use crate::rotation::rodrigues;
 
     fn mixture() -> GaussianMixture {
         let n = 69;
@@ -240,6 +247,36 @@ mod tests {
         for set in [KeypointSet::Body25, KeypointSet::Coco18] {
             check(&small, set, 2, |_, _| {});
         }
+    }
+
+    #[test]
+    fn exact_marks_are_met_by_the_truth_where_nothing_pulls() {
+        let skeleton = body().skeleton();
+        let figure = figure_of(&skeleton, None, KeypointSet::Smpl24);
+        let (mut terms, at) = marked_views(&figure, 3, 2);
+        let mut pose = figure.room();
+        figure.pose(&at.body_pose, &at.betas, &mut pose);
+        for (term, placement) in terms.iter_mut().zip(&at.placements) {
+            let (turn, camera) = (rodrigues(placement.root), term.camera);
+            for mark in &mut term.marks {
+                let turned = apply(&turn, pose.points[mark.keypoint]);
+                let point = add(turned, add(pose.pelvis, placement.translation));
+                mark.pixel_px = camera.project(point).expect("in front");
+            }
+        }
+        let priors = Priors {
+            hinges: &[],
+            bend_weight: 0.0,
+            shape_weight: 0.0,
+            start_weight: 25.0,
+            start: &at.body_pose,
+            mixture: None,
+        };
+        let stage = SharedStage { figure: &figure, views: &terms, priors, translations: Translations::Free };
+        let mut gradient = stage.pack(&at);
+        let value = stage.value_and_gradient(&at, &mut gradient, &mut stage.room());
+        // Rounding of pixels, 10⁻¹³, times slopes of a thousand pixels per radian.
+        assert!(value < 1e-20 && gradient.iter().all(|g| g.abs() < 1e-8), "{value} {gradient:?}");
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! Where a fit begins: what the regressor said of each view, checked, and brought together.
 
-use super::options::{MeanPose, MvSmplifyOptions, StartingTranslation};
-use super::view_term::Placement;
+use super::options::{MeanPose, StartingTranslation};
+use super::view_term::{Placement, ViewTerm};
 use crate::fitting::camera_translation::least_squares_translation;
-use crate::fitting::observation::{Refusal, View};
+use crate::fitting::observation::{Keypoint, Refusal};
+use crate::linalg::matrix::apply;
 use crate::linalg::vector::{Vector3, add};
-use crate::rotation::{arithmetic_mean, logarithm, mean, rodrigues, rotate};
+use crate::rotation::{arithmetic_mean, logarithm, mean, rodrigues};
 
 /// What a regressor says of one view.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,34 +84,98 @@ pub(super) fn mean_betas(starts: &[ViewStart], beta_count: usize) -> Vec<f64> {
     betas
 }
 
-/// Where the body of a view begins; `points` are q_k relative to the pelvis, `weights` those of the marks in the shared stage.
+/// A body nearer than this to the camera's centre, metres, is in nobody's picture.
+const NEAREST_M: f64 = 0.05;
+
+/// Where the body of a view begins; `points` are q_k relative to the pelvis, `term` has the view's marks.
 ///
-/// A translation that is to be kept but puts a point behind the camera is sought by least squares as well: a regressor that has
-/// learnt nothing yet gives such. `None` if there is none.
+/// A translation that is to be kept but puts a marked point behind the camera is sought by least squares as well: a regressor
+/// that has learnt nothing yet gives such. `None` if there is none.
 pub(super) fn placement(
     start: &ViewStart,
-    view: &View,
+    term: &ViewTerm,
     points: &[Vector3],
     pelvis: Vector3,
-    weights: &[f64],
-    options: &MvSmplifyOptions,
+    how: StartingTranslation,
 ) -> Option<Placement> {
-    let turned: Vec<Vector3> = points.iter().map(|&q| add(rotate(start.root, q), pelvis)).collect();
-    let in_front = |t: Vector3| turned.iter().zip(weights).all(|(p, w)| *w == 0.0 || p[2] + t[2] > NEAREST_M);
+    let turn = rodrigues(start.root);
+    let turned: Vec<Vector3> =
+        term.marks.iter().map(|m| add(apply(&turn, points[m.keypoint]), pelvis)).collect();
+    let is_in_front = |t: &Vector3| turned.iter().all(|p| p[2] + t[2] > NEAREST_M);
     let sought = || {
-        let mut marks = view.keypoints.clone();
-        for (mark, weight) in marks.iter_mut().zip(weights) {
-            mark.confidence = *weight;
-        }
-        least_squares_translation(&view.camera, &turned, &marks).filter(|t| in_front(*t))
+        let seen: Vec<Keypoint> =
+            term.marks.iter().map(|m| Keypoint { pixel_px: m.pixel_px, confidence: m.weight }).collect();
+        least_squares_translation(&term.camera, &turned, &seen).filter(is_in_front)
     };
-    let given = Some(start.translation).filter(|t| in_front(*t));
-    let translation = match options.starting_translation {
+    let given = Some(start.translation).filter(is_in_front);
+    let translation = match how {
         StartingTranslation::Given => given.or_else(sought),
         StartingTranslation::LeastSquares => sought().or(given),
     };
     translation.map(|translation| Placement { root: start.root, translation })
 }
 
-/// A body nearer than this to the camera's centre is in nobody's picture.
-const NEAREST_M: f64 = 0.05;
+#[cfg(test)]
+mod tests {
+    use super::super::test_views::{figure_of, marked_views};
+    use super::*;
+    use crate::fitting::KeypointSet;
+    use crate::fitting::test_scene::body;
+    use crate::linalg::vector::distance;
+    use std::f64::consts::PI;
+
+    fn start(body_pose: Vec<f64>) -> ViewStart {
+        ViewStart {
+            root: [PI, 0.0, 0.0],
+            translation: [0.0, 0.0, 4.0],
+            body_pose,
+            betas: vec![],
+            side_px: None,
+        }
+    }
+
+    #[test]
+    fn beside_a_half_turn_the_two_means_part() {
+        let turned = |x: f64| start([vec![x, 0.0, 0.0], vec![0.2 * x, 0.0, 0.0]].concat());
+        let starts = [turned(PI - 0.1), turned(0.1 - PI)];
+        let chordal = mean_pose(&starts, MeanPose::Chordal);
+        assert!((chordal[0].abs() - PI).abs() < 1e-12 && chordal[3].abs() < 1e-12, "{chordal:?}");
+        assert_eq!(mean_pose(&starts, MeanPose::AxisAngle), [0.0; 6]);
+    }
+
+    #[test]
+    fn a_joint_without_a_chordal_mean_is_the_first_view_s() {
+        let starts = [start(vec![0.3, 0.0, 0.0]), start(vec![0.3 - PI, 0.0, 0.0])];
+        assert_eq!(mean_pose(&starts, MeanPose::Chordal), [0.3, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn missing_betas_are_zeros() {
+        let mut starts = [start(Vec::new()), start(Vec::new())];
+        starts[0].betas = vec![1.0, 2.0];
+        assert_eq!(mean_betas(&starts, 3), [0.5, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_translation_behind_the_camera_is_sought_from_the_marks() {
+        let skeleton = body().skeleton();
+        let figure = figure_of(&skeleton, None, KeypointSet::Smpl24);
+        let (mut terms, shared) = marked_views(&figure, 1, 3);
+        let mut pose = figure.room();
+        figure.pose(&shared.body_pose, &shared.betas, &mut pose);
+        let truth = shared.placements[0];
+        let turn = rodrigues(truth.root);
+        let camera = terms[0].camera;
+        for mark in &mut terms[0].marks {
+            let point = add(add(apply(&turn, pose.points[mark.keypoint]), pose.pelvis), truth.translation);
+            mark.pixel_px = camera.project(point).expect("in front");
+        }
+        let begin = |z: f64, how: StartingTranslation| {
+            let start = ViewStart { root: truth.root, translation: [0.0, 0.0, z], ..start(Vec::new()) };
+            placement(&start, &terms[0], &pose.points, pose.pelvis, how).expect("a place").translation
+        };
+        assert!(distance(begin(-3.0, StartingTranslation::Given), truth.translation) < 1e-9);
+        assert!(distance(begin(4.0, StartingTranslation::LeastSquares), truth.translation) < 1e-9);
+        assert_eq!(begin(4.0, StartingTranslation::Given), [0.0, 0.0, 4.0]);
+    }
+}

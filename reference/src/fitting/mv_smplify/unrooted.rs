@@ -84,6 +84,11 @@ impl<'a> Unrooted<'a> {
         self.skeleton.beta_count()
     }
 
+    /// K.
+    pub(super) fn keypoint_count(&self) -> usize {
+        self.keypoint_count
+    }
+
     /// Room for a pose.
     pub(super) fn room(&self) -> UnrootedPose {
         let (k, j) = (self.keypoint_count, self.skeleton.joint_count());
