@@ -17,10 +17,12 @@ fn exported() -> PathBuf {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/exported"), PathBuf::from)
 }
 
-/// An exported regressor, if there is one.
+/// An exported regressor, if there is one; a folder whose manifest lists it must have it.
 fn read(folder: &Path, command: &str) -> Option<Model> {
     let path = folder.join("regressor.onnx");
     if !path.is_file() {
+        let manifest = std::fs::read_to_string(folder.join("manifest.toml")).unwrap_or_default();
+        assert!(!manifest.contains("\"regressor.onnx\""), "{} is listed and missing", path.display());
         eprintln!("not judged: there is no {}; {command} exports it", path.display());
         return None;
     }

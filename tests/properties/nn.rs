@@ -4,7 +4,8 @@ use proptest::prelude::*;
 use vitruvian_reference::network::{Weights, mf_pifu};
 use vitruvian_reference::nn::{
     AveragePool, Conv, ConvTranspose, GridSample, PaddingMode, Pool, Rounded, Tensor, UNIT_ROUNDOFF_F32,
-    average_pool, batch_norm, concat, conv, conv_transpose, gamma, grid_sample, group_norm, max_pool,
+    average_pool, batch_norm, concat, conv, conv_transpose, einsum, gamma, gather, grid_sample, group_norm,
+    matmul, max_pool, scatter_nd, transpose,
 };
 
 /// A tensor of this shape with elements in [−1, 1].
@@ -181,6 +182,25 @@ proptest! {
         let folded_w = Tensor::from_fn(&w.shape, |i| w.at(i) * factor.data[i[0]]);
         let folded_b = Tensor::from_fn(&[outputs], |o| b.data[o[0]] - m.data[o[0]] * factor.data[o[0]]);
         assert_close(&conv(&x, &folded_w, Some(&folded_b), &params), &expected, 1e-12);
+    }
+
+    #[test]
+    fn what_was_scattered_is_gathered_again(x in tensor(vec![6, 3]), rows in tensor(vec![3, 3]), first in 0..4usize) {
+        let places = vec![first, (first + 3) % 6, (first + 1) % 6];
+        let y = scatter_nd(&x, &Tensor::new(&[3, 1], places.clone()), &rows);
+        prop_assert_eq!(gather(&y, &Tensor::new(&[3], places.clone()), 0), rows);
+        let others: Vec<usize> = (0..6).filter(|row| !places.contains(row)).collect();
+        let others = Tensor::new(&[3], others);
+        prop_assert_eq!(gather(&y, &others, 0), gather(&x, &others, 0));
+    }
+
+    #[test]
+    fn summing_over_a_name_is_a_product_of_matrices_in_every_order(a in tensor(vec![3, 4]), b in tensor(vec![2, 4])) {
+        let product = matmul(&a, &transpose(&b, &[1, 0]));
+        assert_close(&einsum("ik,jk->ij", &[&a, &b]), &product, 1e-15);
+        assert_close(&einsum("jk,ik->ji", &[&b, &a]), &transpose(&product, &[1, 0]), 1e-15);
+        let trace = einsum("ii->", &[&einsum("ik,jk->ij", &[&a, &a])]).data[0];
+        prop_assert!((trace - inner_product(&a, &a)).abs() < 1e-14, "tr AAᵀ is the squared norm");
     }
 
     #[test]

@@ -88,8 +88,8 @@ impl<T: Scalar> Value<T> {
 
     /// The elements of these tensors in another arrangement, whatever they are.
     ///
-    /// A movement is a movement of places: `arrange` is given tensors of the shapes of `values` that hold the places of their elements,
-    /// counted through all of them, and says which element goes where.
+    /// A movement is a movement of places: `arrange` is given tensors of the shapes of `values` that hold the places of
+    /// their elements, counted through all of them, and says which element goes where.
     ///
     /// # Errors
     /// As `arrange`, or when the values are not all of one kind.

@@ -34,7 +34,7 @@ pub fn max_pool(spatial: usize) -> impl Strategy<Value = Problem> {
     )
 }
 
-/// x [N,C,H,W]: the mean of each window, with its padding as zeros or not at all.
+/// x \[N,C,H,W\]: the mean of each window, with its padding as zeros or not at all.
 pub fn average_pool() -> impl Strategy<Value = Problem> {
     (max_pool(2), any::<bool>()).prop_map(|(problem, include_pad)| {
         let mut attributes = problem.attributes;

@@ -7,8 +7,8 @@ const STEEPNESS: f64 = 10.0;
 
 /// L_c = (1/N) Σ exp(−10 s)² over the scales of N cameras (s, t_x, t_y),  ∂L/∂s = −(20/N) exp(−20 s).
 ///
-/// A scale of 0 costs 1, one of ½ 5·10⁻⁵; a negative one would put the person behind the camera. It is not in the thesis, but in the
-/// code that its numbers come from (erratum E41). Without cameras it is 0.
+/// A scale of 0 costs 1, one of ½ 5·10⁻⁵; a negative one would put the person behind the camera. It is not in the
+/// thesis, but in the code that its numbers come from (erratum E41). Without cameras it is 0.
 pub fn camera_loss(scales: &[f64]) -> Loss {
     let share = 1.0 / scales.len().max(1) as f64;
     let penalty = |s: f64| (-STEEPNESS * s).exp().powi(2) * share;

@@ -29,8 +29,8 @@ impl<T> RegressorTerms<T> {
 
 /// The weights ω of eq. 4.6, each times 60.
 ///
-/// The thesis gives (5, 5, 1, 0.001) to (2-D, 3-D, pose, mesh); in the code that its numbers come from 0.001 is the weight of the betas, that of
-/// the mesh is 0, and the camera's scale has a term of its own (erratum E41).
+/// The thesis gives (5, 5, 1, 0.001) to (2-D, 3-D, pose, mesh); in the code that its numbers come from 0.001 is the
+/// weight of the betas, that of the mesh is 0, and the camera's scale has a term of its own (erratum E41).
 pub const REGRESSOR_WEIGHTS: RegressorTerms<f64> =
     RegressorTerms { keypoints: 300.0, joints: 300.0, pose: 60.0, betas: 0.06, vertices: 0.0, camera: 60.0 };
 

@@ -9,8 +9,9 @@
 //! | `pose`, `betas`, `camera` | x₃ | 144 + 10 + 3 |
 //!
 //! The thesis counts 85 numbers (72 + 10 + 3); the network that it builds on writes each of 24 rotations as six
-//! (erratum E50): [`rotations`] reads them. The camera (s, t_x, t_y) is [weak-perspective](crate::camera::WeakPerspective); the root's
-//! rotation is in the camera's axes (y down), so that an upright person is about half a turn about x.
+//! (erratum E50): [`rotations`] reads them. The camera (s, t_x, t_y) is
+//! [weak-perspective](crate::camera::WeakPerspective); the root's rotation is in the camera's axes (y down), so that an
+//! upright person is about half a turn about x.
 //!
 //! # Is the head iterative?
 //! Only in its writing. Between fc1, fc2 and the outputs there is no nonlinearity, and the dropout that stands there in
@@ -18,12 +19,12 @@
 //!
 //! x_k = (I + A) x_{k−1} + B f + c,  hence x₃ = (I + A)³ x₀ + (I + (I + A) + (I + A)²)(B f + c):
 //!
-//! the whole head is one affine map of f, whatever its three layers and three rounds suggest. An activation put between the layers by
-//! an exporter, or a fourth round, changes every number; the tests plant both.
+//! the whole head is one affine map of f, whatever its three layers and three rounds suggest. An activation put between
+//! the layers by an exporter, or a fourth round, changes every number; the tests plant both.
 //!
 //! # References
-//! Li 2021, §3.2 of chapter 4; Kanazawa, Black, Jacobs, Malik, HMR, CVPR 2018; Kolotouros, Pavlakos, Black, Daniilidis, SPIN, ICCV
-//! 2019, whose names the weights have.
+//! Li 2021, §3.2 of chapter 4; Kanazawa, Black, Jacobs, Malik, HMR, CVPR 2018; Kolotouros, Pavlakos, Black, Daniilidis,
+//! SPIN, ICCV 2019, whose names the weights have.
 
 use super::layer::{Linear, pair};
 use super::resnet::{self, EXPANSION, ResNet};

@@ -9,9 +9,9 @@
 //! | layer4 | 3 bottlenecks, the first with stride 2 | 2048 × 7² |
 //! | feature | mean over the pixels | 2048 |
 //!
-//! A bottleneck of p planes maps x to ReLU(F(x) + S(x)): F is 1×1 → p, 3×3 → p, 1×1 → 4p, each with batch norm and the first
-//! two with ReLU; the shortcut S is x itself, or a 1×1 convolution with batch norm where channels or side change. Batch norms cancel
-//! a bias, so no convolution has one.
+//! A bottleneck of p planes maps x to ReLU(F(x) + S(x)): F is 1×1 → p, 3×3 → p, 1×1 → 4p, each with batch norm and the
+//! first two with ReLU; the shortcut S is x itself, or a 1×1 convolution with batch norm where channels or side change.
+//! Batch norms cancel a bias, so no convolution has one.
 //!
 //! # Conventions
 //! The stride is on the 3×3 convolution ("version 1.5", torchvision's); the paper has it on the first 1×1, which then

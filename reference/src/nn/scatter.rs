@@ -5,7 +5,8 @@
 
 use super::Tensor;
 
-/// x with slices replaced: places \[…,K\] name, in their last axis, the first K indices of a slice of x each; updates \[…, rest of x\].
+/// x with slices replaced: places \[…,K\] name, in their last axis, the first K indices of a slice of x each; updates
+/// \[…, rest of x\].
 ///
 /// # Panics
 /// If the shapes do not fit, or a place lies outside.

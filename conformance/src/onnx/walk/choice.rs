@@ -1,7 +1,7 @@
 //! Operators that compare, cast and choose.
 //!
-//! Numbers are compared by their values: of numbers that are known exactly, as those that a runtime handed over, this is what any
-//! implementation must do.
+//! Numbers are compared by their values: of numbers that are known exactly, as those that a runtime handed over, this
+//! is what any implementation must do.
 
 use vitruvian_reference::nn::{Scalar, Tensor, expand};
 

@@ -5,13 +5,13 @@
 //!
 //! | file | operators that |
 //! |---|---|
-//! | [`layers`] | have weights or windows: convolutions, pools, normalisations, products, reductions |
-//! | [`arithmetic`] | compute element by element |
-//! | [`choice`] | compare, cast and choose |
-//! | [`movement`] | move elements and read shapes |
+//! | `layers` | have weights or windows: convolutions, pools, normalisations, products, reductions |
+//! | `arithmetic` | compute element by element |
+//! | `choice` | compare, cast and choose |
+//! | `movement` | move elements and read shapes |
 //!
-//! Axes and other settings that newer versions of an operator take as an operand, and older ones as an attribute, are understood
-//! in both ways.
+//! Axes and other settings that newer versions of an operator take as an operand, and older ones as an attribute, are
+//! understood in both ways.
 
 use vitruvian_reference::nn::{Scalar, Tensor};
 
@@ -69,8 +69,8 @@ impl<'a, T: Scalar> Call<'a, T> {
     }
 }
 
-/// A node's outputs, of those that are tensors of the values computed (not the masks and indices beside them); optional operands
-/// that are left out are `None`.
+/// A node's outputs, of those that are tensors of the values computed (not the masks and indices beside them); optional
+/// operands that are left out are `None`.
 ///
 /// # Errors
 /// When the operator, an attribute or an operand's kind is not understood.

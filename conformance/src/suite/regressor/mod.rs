@@ -1,8 +1,8 @@
 //! The regressor: its stages inside any export of it, a graph of it built here, and faults planted in that graph.
 //!
-//! An export names its inner tensors as it likes, but ResNet-50 and its head have one order: the layers end at the 3rd, 7th, 13th
-//! and 16th addition, and the corrections of pose, betas and camera are the additions after the mean over the pixels, three a round.
-//! [`stages`] finds them so.
+//! An export names its inner tensors as it likes, but ResNet-50 and its head have one order: the layers end at the 3rd,
+//! 7th, 13th and 16th addition, and the corrections of pose, betas and camera are the additions after the mean over the
+//! pixels, three a round. [`stages`] finds them so.
 
 use crate::error::{Error, Result};
 use crate::onnx::message::NodeProto;
@@ -22,8 +22,8 @@ const MEANS: [&str; 3] = ["AveragePool", "GlobalAveragePool", "ReduceMean"];
 
 /// Where the stages of `vitruvian_reference::network::regressor` stand in a graph: (stage, tensor), in the graph's order.
 ///
-/// The stages found are `stem`, `layer1` … `layer4`, `feature` where the mean drops the axes of the pixels, and of the rounds `pose_k`,
-/// `betas_k`, `camera_k`, k = 1, 2, 3.
+/// The stages found are `stem`, `layer1` … `layer4`, `feature` where the mean drops the axes of the pixels, and of the
+/// rounds `pose_k`, `betas_k`, `camera_k`, k = 1, 2, 3.
 ///
 /// # Errors
 /// When the graph has not the additions of a ResNet-50 and its head.
