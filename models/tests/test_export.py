@@ -8,6 +8,7 @@ import sys
 import tempfile
 import tomllib
 import unittest
+from unittest import mock
 
 import numpy as np
 import onnx
@@ -202,9 +203,16 @@ class Checkpoints(unittest.TestCase):
         self.assertEqual(weights.origin["training_steps"], 10)
 
     def test_widened_weights_have_the_thesis_shapes(self):
+        export_random(str(self.folder), seed=6)
         for name, network in export.NETWORKS.items():
-            weights = export.weights_of(name, "thesis", "widened", self.folder, seed=0)
+            with mock.patch.object(export, "EXPORTED", self.folder):
+                weights = export.weights_of(name, "thesis", "widened", self.folder, seed=0)
             network.build(network.sizes["thesis"]).load_state_dict(weights.state)
+
+    def test_a_small_graph_that_is_not_there_cannot_be_widened(self):
+        with mock.patch.object(export, "EXPORTED", self.folder):
+            with self.assertRaisesRegex(SystemExit, "regressor.onnx is missing"):
+                export.weights_of("regressor", "thesis", "widened", self.folder, seed=0)
 
     def test_a_checkpoint_of_another_size_is_refused(self):
         with self.assertRaisesRegex(SystemExit, "needs thesis"):
