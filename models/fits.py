@@ -90,6 +90,7 @@ def fit_in_the_loop(
     scenes: Sequence[dict[str, np.ndarray]],
     starts: tuple[Tensor, Tensor, Tensor],
     dictionary: Dictionary,
+    pose_prior: Path | None = None,
 ) -> int:
     """Fit all scenes from their starts and offer the fits; how many were better than what was kept."""
     poses, betas, trans = starts
@@ -100,6 +101,8 @@ def fit_in_the_loop(
         given, found = Path(folder) / "batch.npz", Path(folder) / "fits.npz"
         np.savez(given, **arrays)
         command = [str(program), "fit", str(given), "--method", "mv-smplify", "-o", str(found)]
+        if pose_prior:
+            command += ["--prior", str(pose_prior)]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode != 0 or not found.exists():
             raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}: {done.stderr.strip()}")

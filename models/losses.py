@@ -71,6 +71,11 @@ def heatmap_loss(logits: Tensor, keypoints: Tensor, confidence: Tensor) -> Tenso
     return (inside * entropy).sum() / inside.sum().clamp(min=1)
 
 
+def depth_loss(predicted: Tensor, joints: Tensor) -> Tensor:
+    """Mean square of depths [B,24] (m) against those of joints [B,24,3], counted from between the hips."""
+    return (predicted - centred(joints)[..., 2]).square().mean()
+
+
 def prior_loss(rotations: Tensor, mean: Tensor, betas: Tensor) -> Tensor:
     """Distance from the mean body; not in the thesis, whose training starts from SPIN's weights.
 
@@ -95,6 +100,10 @@ class Weights:
     prior: float = 0.005
     direct: float = 0.0
     overall: float = 60.0
+
+
+# For the start: truth has no errors that a small weight must guard against.
+SUPERVISED = Weights(pose=2.0, betas=0.02)
 
 
 def total(weights: Weights, **terms: Tensor) -> Tensor:

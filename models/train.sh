@@ -29,8 +29,8 @@ scenes "$data/vsr" 150 300 --coarse "$runs/coarse"
 "$python" models/train_vsr.py --data "$data/vsr/body" "$data/vsr/mannequin" \
   --validation "$data/vsr/validation" -o "$runs/vsr.pt" --minutes 38
 
-# The regressor: a start by keypoints and joints alone (simple backgrounds first), then Figure 4.1's loop from there.
-# Without --fit-in-the-loop the last command is the other arm of Table 4.7.
+# The regressor: a start under true poses and shapes (simple backgrounds first), then Figure 4.1's loop from there.
+# Without --fit-in-the-loop and what follows it the last command is the other arm of Table 4.7.
 people() { # FOLDER COUNT SEED [dataset options]
   local folder=$1 count=$2 seed=$3
   shift 3
@@ -44,12 +44,11 @@ regressor() { # CHECKPOINT [options]
   local checkpoint=$1
   shift
   "$python" models/train_regressor.py --data "$data/regressor/body" "$data/regressor/mannequin" \
-    --validation "$data/regressor/validation" -o "$runs/$checkpoint.pt" --direct 5 --dropout 0.1 "$@"
+    --validation "$data/regressor/validation" -o "$runs/$checkpoint.pt" --batch 8 --direct 5 --dropout 0 "$@"
 }
-regressor regressor_first --steps 6000 --rate 1e-3 --last-rate 1e-4 --warm-up 200 --first-prior 5
-regressor regressor_start --start "$runs/regressor_first.pt" --steps 6000 --batch 8 --rate 1e-3 --last-rate 2e-4 \
-  --first-prior 0.5 --prior 0.05 --first-replaced 0.9
-regressor regressor --start "$runs/regressor_start.pt" --steps 3000 --rate 7e-4 --warm-up 50 --prior 0.05 \
-  --fit-in-the-loop --program "$vitruvian"
+regressor regressor_start --supervised --steps 20000 --rate 1e-3 --last-rate 1e-4 --warm-up 200 --first-replaced 0.9
+"$python" models/pose_prior.py "$data/regressor/body" "$data/regressor/mannequin" -o "$runs/pose_prior.npz"
+regressor regressor --start "$runs/regressor_start.pt" --steps 6500 --rate 4e-4 \
+  --fit-in-the-loop --pose-prior "$runs/pose_prior.npz" --program "$vitruvian"
 
 "$python" models/export.py --size small --filling trained --checkpoints "$runs" -o models/exported

@@ -4,10 +4,11 @@ Every step takes `--batch` scenes with all their views, one augmentation a scene
 camera from each view; with `--fit-in-the-loop` MV-SMPLify then fits one body to all views of a scene from there, the
 best fit of each scene is kept, and the valid ones supervise pose and shape beside the keypoints and joints (eq. 4.6).
 
-The thesis starts from SPIN's released weights; in this width there are none: a first run with keypoints and joints
-alone makes the start for both arms of the ablation (models/train.sh). What helps a trunk that knows nothing: its
-features are also asked for joints directly (`--direct`), a prior towards the mean body is let go slowly
-(`--first-prior`), plain backgrounds come first (`--first-replaced`).
+The thesis starts from SPIN's released weights, which were trained with SMPL's parameters as well; in this width there
+are none: a first run under the scenes' true poses and shapes (`--supervised`) stands for them and is the start of both
+arms of the ablation (models/train.sh). What helps a trunk that knows nothing: its features are also asked for joints
+directly (`--direct`, auxiliary.py), a prior towards the mean body is let go slowly (`--first-prior`), plain backgrounds
+come first (`--first-replaced`).
 
 Departures for two processor cores: learning rates are higher, warmed up and led down along a cosine; convolutions run
 in bfloat16; a scene that has a valid fit is fitted anew at a share of its visits only (`--refit`); the small network
@@ -19,6 +20,7 @@ import math
 import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +29,7 @@ from torch import Tensor, nn
 
 import losses
 import people
+from auxiliary import Auxiliary
 from curves import write_curves
 from fits import Dictionary, fit_in_the_loop, starts, supervision
 from networks import regressor
@@ -55,6 +58,8 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--batch", type=int, default=16, help="scenes a step")
     parser.add_argument("--dropout", type=float, default=0.5, help="share of the head's hidden units dropped in training")
     parser.add_argument("--fit-in-the-loop", action="store_true", help="fit, keep the better fit, supervise pose and shape")
+    parser.add_argument("--supervised", action="store_true", help="learn from the true poses and shapes; no fits")
+    parser.add_argument("--pose-prior", type=Path, help="mixture of poses for the fits (pose_prior.py)")
     parser.add_argument("--program", type=Path, default=Path("target/release/vitruvian"), help="what fits")
     parser.add_argument("--refit", type=float, default=0.25, help="share of visits at which a valid fit is tried anew")
     parser.add_argument("--every", type=int, default=500, help="steps between records of the learning curve")
@@ -63,7 +68,10 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--full-precision", action="store_true", help="no bfloat16 (slower)")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.supervised and options.fit_in_the_loop:
+        parser.error("--supervised learns from the truth, --fit-in-the-loop from fits: choose one")
+    return options
 
 
 def project(joints: Tensor, camera: Tensor, size: regressor.Size) -> Tensor:
@@ -127,14 +135,7 @@ class Training:
         self.network = regressor.Regressor(self.size)
         for dropout in (self.network.drop1, self.network.drop2):
             dropout.p = options.dropout
-        # What a trunk without earlier training learns its features by, no chain of rotations between. Not exported.
-        self.direct = nn.ModuleDict(
-            {
-                "joints": nn.Linear(self.size.features, 24 * 5),
-                "places": nn.Conv2d(self.size.features // 2, 24, 1),
-            }
-        )
-        nn.init.zeros_(self.direct["joints"].weight)
+        self.auxiliary = Auxiliary(self.size)
         self.dictionary = Dictionary()
         self.steps, self.elapsed, self.history = 0, 0.0, []
         self.command = " ".join(["python", "models/train_regressor.py", *sys.argv[1:]])
@@ -143,10 +144,10 @@ class Training:
             self.begin()
         else:
             self.network.load_state_dict(saved["state"])
-            self.direct.load_state_dict(saved["direct"])
+            self.auxiliary.load_state_dict(saved["auxiliary"])
         self.mean_rotations = matrix_of_six(self.network.init_pose.unflatten(1, (24, 6)))[0]
         self.network.to(memory_format=torch.channels_last)
-        self.optimiser = torch.optim.Adam([*self.network.parameters(), *self.direct.parameters()], lr=options.rate)
+        self.optimiser = torch.optim.Adam([*self.network.parameters(), *self.auxiliary.parameters()], lr=options.rate)
         if saved is not None:
             self.go_on(saved)
 
@@ -155,7 +156,7 @@ class Training:
         if self.options.start:
             saved = torch.load(self.options.start, weights_only=True)
             self.network.load_state_dict(saved["state"])
-            self.direct.load_state_dict(saved["direct"])
+            self.auxiliary.load_state_dict(saved["auxiliary"])
             return
         if not len(self.scenes):
             raise SystemExit(f"no scenes in {', '.join(map(str, self.options.data))}; see vitruvian dataset --for regressor")
@@ -178,7 +179,7 @@ class Training:
         torch.save(
             {
                 "state": self.network.state_dict(),
-                "direct": self.direct.state_dict(),
+                "auxiliary": self.auxiliary.state_dict(),
                 "optimiser": self.optimiser.state_dict(),
                 "dictionary": self.dictionary.state(),
                 "rng": json.dumps(self.rng.bit_generator.state),
@@ -202,11 +203,12 @@ class Training:
         return warm * (options.last_rate + (options.rate - options.last_rate) * fall)
 
     def weights(self) -> losses.Weights:
-        """Weights of the next step: the thesis', and that of the prior."""
+        """Weights of the next step: the thesis', or those under supervision; and those of what is not the thesis'."""
         last = self.options.prior
         first = last if self.options.first_prior is None else self.options.first_prior
         share = min(2 * self.steps / self.options.steps, 1.0)
-        return losses.Weights(prior=first ** (1 - share) * last**share, direct=self.options.direct)
+        weights = losses.SUPERVISED if self.options.supervised else losses.Weights()
+        return replace(weights, prior=first ** (1 - share) * last**share, direct=self.options.direct)
 
     def replaced(self) -> float:
         """Share of scenes before another background: from `--first-replaced` to a third over half the steps."""
@@ -227,14 +229,6 @@ class Training:
         pose, betas, camera = self.network.iterate(features)
         return matrix_of_six(pose.unflatten(1, (24, 6))), betas, camera
 
-    def direct_loss(self, middle: Tensor, features: Tensor, batch: people.Batch) -> Tensor:
-        """L_2D + L_3D of the joints that are read directly off the feature, and their places in the map before."""
-        found = self.direct["joints"](features).unflatten(1, (24, 5))
-        places = self.direct["places"](middle)
-        flat = losses.keypoint_loss(found[..., :2], batch.keypoints, batch.confidence)
-        deep = losses.joint_loss(found[..., 2:], batch.joints, torch.ones_like(batch.confidence))
-        return flat + deep + 0.02 * losses.heatmap_loss(places, batch.keypoints, batch.confidence)
-
     def joints(self, batch: people.Batch, rotations: Tensor, betas: Tensor) -> Tensor:
         """Joints [BN,24,3] of the estimated bodies."""
         return posed_joints(rotations, rest_joints(batch.j_template, batch.j_shapedirs, betas))
@@ -247,7 +241,12 @@ class Training:
         if chosen:
             begin = tuple(t[chosen] for t in starts(batch, scenes, estimate))
             fit_in_the_loop(
-                self.options.program, [names[k] for k in chosen], [scenes[k] for k in chosen], begin, self.dictionary
+                self.options.program,
+                [names[k] for k in chosen],
+                [scenes[k] for k in chosen],
+                begin,
+                self.dictionary,
+                self.options.pose_prior,
             )
 
     def step(self) -> dict[str, float]:
@@ -266,7 +265,11 @@ class Training:
             "prior": losses.prior_loss(rotations[:, 1:], self.mean_rotations[1:], betas),
         }
         if self.options.direct:
-            terms["direct"] = self.direct_loss(middle, features, batch)
+            terms["direct"] = self.auxiliary(middle, features, batch)
+        if self.options.supervised:
+            every = torch.ones(len(rotations), dtype=torch.bool)
+            terms["pose"] = losses.pose_loss(rotations, batch.rotations, every)
+            terms["betas"] = losses.betas_loss(betas, batch.betas, every)
         if self.options.fit_in_the_loop:
             self.fit(names, scenes, batch, (rotations.detach(), betas.detach(), camera.detach()))
             fitted_rotations, fitted_betas, valid = supervision(self.dictionary, names, batch)

@@ -86,6 +86,20 @@ class Loop(Folder):
         self.assertGreater(moved, 0)
         self.assertGreater(with_fit["history"][-1]["valid_fits"], 0.99)
 
+    def test_supervision_brings_poses_nearer_to_the_truth_than_joints_alone_do(self):
+        """Twists that no joint shows are learned only where the pose is told."""
+        more = ("--steps", 40, "--every", 40, "--rate", 3e-3, "--dropout", 0, "--validation", self.folder / "data")
+        joints, supervised = (self.train(f"{len(how)}.pt", *more, *how)["history"][-1] for how in ((), ("--supervised",)))
+        self.assertIn("pose", supervised)
+        self.assertNotIn("pose", joints)
+        self.assertLess(supervised["rotation_deg"], joints["rotation_deg"])
+
+    def test_truth_and_fits_do_not_supervise_at_once(self):
+        arguments = ["--data", "data", "-o", "x.pt", "--supervised", "--fit-in-the-loop"]
+        with self.assertRaises(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
+            train_regressor.parse(arguments)
+        self.assertIn("choose one", said.getvalue())
+
     def test_both_arms_of_the_ablation_start_from_the_same_weights_and_draw_the_same_scenes(self):
         start = self.train("start.pt")["state"]
         with mock.patch.dict(regressor.SIZES, {"tiny": TINY}):
@@ -185,6 +199,15 @@ class Fits(Folder):
         self.assertEqual(valid.tolist(), [True] * 20 + [False] * 4)
         self.assertLess(float((rotations - augmented.rotations)[valid].abs().max()), 1e-5)
         self.assertLess(float((betas - augmented.betas)[valid].abs().max()), 1e-6)
+
+    def test_the_prior_on_the_pose_is_handed_to_the_fit(self):
+        data = scenes(2, 2)
+        batch = people.batch(data, 32)
+        begin = starts(batch, data, (batch.rotations, batch.betas, torch.ones(len(batch.images), 3)))
+        for prior, expected in ((None, False), (self.folder / "prior.npz", True)):
+            with mock.patch("fits.subprocess.run", side_effect=OSError("stop")) as run, self.assertRaises(OSError):
+                fit_in_the_loop(self.program, ["a", "b"], data, begin, Dictionary(), prior)
+            self.assertEqual(str(self.folder / "prior.npz") in run.call_args.args[0], expected)
 
     def test_a_program_that_fails_is_named_with_what_it_said(self):
         self.program.write_text("#!/bin/sh\necho no such body >&2\nexit 2\n")

@@ -1,0 +1,54 @@
+"""Joints read off maps: where a heat map is sharp, its mean is its place; the losses vanish at the truth alone."""
+import unittest
+
+import torch
+
+import auxiliary
+import losses
+import people
+from networks import regressor
+from tests.test_augmentation import scenes
+
+TINY = regressor.Size("tiny", planes=(4, 4, 4, 4), hidden=16, image_size=32)
+
+
+class Integral(unittest.TestCase):
+    def setUp(self):
+        torch.manual_seed(0)
+        self.auxiliary = auxiliary.Auxiliary(TINY)
+
+    def test_a_sharp_map_means_its_cell_and_its_depth(self):
+        side = 16
+        maps = torch.zeros(1, 48, side, side)
+        row, column = 3, 12
+        maps[0, :24, row, column] = 100.0
+        maps[0, 24:, row, column] = torch.arange(24.0)
+        places, depths = self.auxiliary.integral(maps)
+        expected = torch.tensor([2 * (column + 0.5) / side - 1, 2 * (row + 0.5) / side - 1])
+        torch.testing.assert_close(places[0], expected.expand(24, 2))
+        torch.testing.assert_close(depths[0], torch.arange(24.0))
+
+    def test_an_even_map_means_the_middle(self):
+        places, _ = self.auxiliary.integral(torch.zeros(1, 48, 16, 16))
+        self.assertLess(float(places.abs().max()), 1e-6)
+
+    def test_depth_is_counted_from_between_the_hips(self):
+        joints = torch.randn(3, 24, 3)
+        truth = losses.centred(joints)[..., 2]
+        self.assertEqual(float(losses.depth_loss(truth, joints)), 0.0)
+        self.assertEqual(float(losses.depth_loss(truth, joints + torch.tensor([0.0, 0.0, 8.0]))) < 1e-10, True)
+        self.assertGreater(float(losses.depth_loss(truth + 0.1, joints)), 0.009)
+
+    def test_all_parts_learn(self):
+        batch = people.batch(scenes(2, 2), 32)
+        count = len(batch.images)
+        middle = torch.randn(count, TINY.features // 2, 2, 2, requires_grad=True)
+        features = torch.randn(count, TINY.features, requires_grad=True)
+        self.auxiliary(middle, features, batch).backward()
+        for name, parameter in self.auxiliary.named_parameters():
+            self.assertGreater(float(parameter.grad.abs().max()), 0.0, name)
+        self.assertGreater(float(middle.grad.abs().max()), 0.0)
+
+
+if __name__ == "__main__":
+    unittest.main()
