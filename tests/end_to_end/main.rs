@@ -15,4 +15,5 @@ mod real_body;
 mod reconstruct;
 mod regress;
 mod regress_bad_input;
+mod regress_trained;
 mod synthesize;
