@@ -3,7 +3,7 @@
 //! | key | also read as | shape | where missing |
 //! |---|---|---|---|
 //! | poses | pose, fullpose, pred_pose, its [parts](#a-pose-in-parts), or in theta | \[F,3J\], \[3J\], \[F,J,3\], \[J,3\] or \[1,F,3J\] | an error |
-//! | betas | shape, pred_betas, pred_shape, or in theta | \[B\], \[1,B\] or \[F,B\]; fewer than the body's are padded with zeros, more must be zero | zeros |
+//! | betas | shape, pred_betas, pred_shape, or in theta | \[B\], \[1,B\] or \[F,B\]; fewer than the body's are padded with zeros | zeros |
 //! | trans | transl | \[3\], \[1,3\], \[F,3\] or \[1,F,3\], metres | zeros |
 //! | theta | | \[F,85\] or \[85\]: camera (3, left alone), pose (72), betas (10), as HMR and VIBE write them | – |
 //! | offsets | | \[V,3\], metres, added to the shaped rest mesh | none |
@@ -359,15 +359,15 @@ impl Reader {
         self.fitting(name, array.values.chunks_exact(columns).map(<[f64]>::to_vec).collect(), most)
     }
 
-    /// The rows of betas without what is more than `most`, which must be zero unless joints are all that is wanted.
+    /// The rows of betas, at most `most` in each; more are left away where joints are all that is wanted.
     fn fitting(&mut self, name: &str, mut rows: Vec<Vec<f64>>, most: usize) -> Result<Vec<Vec<f64>>> {
         let columns = rows.first().map_or(0, Vec::len);
+        if columns > most && !self.for_joints {
+            let message =
+                format!("has {columns} numbers; the body has {most} betas: keep {name}[..., :{most}]");
+            return Err(self.fail(name, &message));
+        }
         if rows.iter().any(|row| row.iter().skip(most).any(|&beta| beta != 0.0)) {
-            if !self.for_joints {
-                let message =
-                    format!("has {columns} numbers; the body has {most} betas: keep {name}[..., :{most}]");
-                return Err(self.fail(name, &message));
-            }
             self.left_away.push(format!(
                 "{}: array \"{name}\" has {columns} numbers; of them the {most} that the body has are used",
                 self.npz.path().display()
@@ -663,12 +663,12 @@ mod tests {
     }
 
     #[test]
-    fn betas_that_the_body_lacks_may_be_there_if_they_are_zero() {
+    fn betas_that_the_body_lacks_are_refused_even_if_they_are_zero() {
         let found = read_arrays(&[
             ("poses", &[9], Values::F64(&[0.0; 9])),
             ("shape", &[1, 4], Values::F64(&[1.0, 2.0, 0.0, 0.0])),
         ]);
-        assert_eq!(found.unwrap().betas, [[1.0, 2.0]]);
+        assert!(found.unwrap_err().to_string().contains("has 4 numbers; the body has 2 betas"));
     }
 
     #[test]
