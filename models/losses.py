@@ -28,26 +28,32 @@ def joint_loss(predicted: Tensor, joints: Tensor, confidence: Tensor) -> Tensor:
     return (confidence[..., None] * (centred(predicted) - centred(joints)).square()).mean()
 
 
-def mean_over_valid(squares: Tensor, valid: Tensor) -> Tensor:
-    """Mean of [B,...] over the rows marked in valid [B]; 0 when there is none."""
-    if not bool(valid.any()):
-        return squares.sum() * 0
-    return squares[valid].mean()
+def valid_differences(predicted: Tensor, fitted: Tensor, valid: Tensor) -> Tensor:
+    """predicted − fitted, both [B,...], of the rows marked in valid [B].
+
+    Rows are left out before anything is squared: what an invalid fit holds, NaN too, reaches neither loss nor gradient.
+    """
+    return (predicted - fitted)[valid]
+
+
+def mean_or_zero(values: Tensor) -> Tensor:
+    """Mean of all entries; 0, with gradient 0, when there is none."""
+    return values.sum() / max(values.numel(), 1)
 
 
 def pose_loss(predicted: Tensor, fitted: Tensor, valid: Tensor) -> Tensor:
     """L_θ, eq. 4.3: mean square between rotation matrices [B,24,3,3], over the rows whose fit is valid."""
-    return mean_over_valid((predicted - fitted).square(), valid)
+    return mean_or_zero(valid_differences(predicted, fitted, valid).square())
 
 
 def betas_loss(predicted: Tensor, fitted: Tensor, valid: Tensor) -> Tensor:
     """L_β, eq. 4.3: mean square between betas [B,K], over the rows whose fit is valid."""
-    return mean_over_valid((predicted - fitted).square(), valid)
+    return mean_or_zero(valid_differences(predicted, fitted, valid).square())
 
 
 def vertex_loss(predicted: Tensor, fitted: Tensor, valid: Tensor) -> Tensor:
     """L_M, eq. 4.4: mean absolute difference of vertices [B,V,3] (m), over the rows whose fit is valid."""
-    return mean_over_valid((predicted - fitted).abs(), valid)
+    return mean_or_zero(valid_differences(predicted, fitted, valid).abs())
 
 
 def camera_loss(camera: Tensor) -> Tensor:

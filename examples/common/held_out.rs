@@ -57,11 +57,7 @@ impl Arguments {
     }
 
     /// The people, drawn and photographed in parallel: before a plain background, then among things.
-    pub fn people(
-        &self,
-        body: &BodyModel,
-        size: u32,
-    ) -> Result<[(&'static str, Vec<Person>); 2], Box<dyn Error>> {
+    pub fn people(&self, body: &BodyModel, size: u32) -> Result<[Before; 2], Box<dyn Error>> {
         let of = |wanted: &Wanted| -> Result<Vec<Person>, Box<dyn Error>> {
             let bar = vitruvian::progress::bar("people", self.count);
             let people = (0..self.count).into_par_iter().map(|index| {
@@ -74,6 +70,9 @@ impl Arguments {
         Ok([("plain", of(&Wanted::default())?), ("among things", of(&AMONG_THINGS)?)])
     }
 }
+
+/// What people stand before, and the people.
+pub type Before = (&'static str, Vec<Person>);
 
 /// A person, and what each camera knows of it.
 pub struct Person {

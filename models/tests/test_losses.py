@@ -36,6 +36,21 @@ class Losses(unittest.TestCase):
         none.backward()
         self.assertEqual((float(none.detach()), float(predicted.grad.abs().max())), (0.0, 0.0))
 
+    def test_what_an_invalid_fit_holds_reaches_neither_loss_nor_gradient(self):
+        for loss, shape in (
+            (losses.pose_loss, (3, 24, 3, 3)),
+            (losses.betas_loss, (3, 10)),
+            (losses.vertex_loss, (3, 5, 3)),
+        ):
+            predicted, fitted = torch.zeros(shape).requires_grad_(), torch.ones(shape)
+            fitted[1], fitted[2] = math.nan, math.inf
+            for valid, expected in (([False] * 3, 0.0), ([True, False, False], 1.0)):
+                found = loss(predicted, fitted, torch.tensor(valid))
+                (slope,) = torch.autograd.grad(found, predicted)
+                self.assertEqual(float(found.detach()), expected, loss.__name__)
+                self.assertTrue(bool(slope.isfinite().all()) and not slope[1:].any(), loss.__name__)
+                self.assertEqual(bool(slope[0].any()), valid[0], loss.__name__)
+
     def test_a_half_turn_of_one_joint_costs_8_of_its_9_entries(self):
         fitted = torch.eye(3).repeat(1, 24, 1, 1)
         predicted = fitted.clone()

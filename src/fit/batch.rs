@@ -17,8 +17,9 @@
 //! | loss | \[S,24\] | of each joint, views summed, at 224 pixels |
 //! | valid | \[S\] | whether the fit is to be learnt from |
 //!
-//! A scene that says too little for a fit (a person hidden by others) is no reason to stop a training: its answer is where it
-//! began, its loss infinite, and it is not valid. A scene that is no data (NaN, no camera) is.
+//! A view that says too little (a person hidden by others) is left out: its root and translation stay where they began, and the
+//! other views say the body. A scene without a view that says enough is no reason to stop a training either: its answer is where
+//! it began, its loss infinite, and it is not valid. A scene that is no data (NaN, no camera) is.
 
 use std::path::Path;
 
@@ -27,6 +28,7 @@ use vitruvian_reference::body::Skeleton;
 use vitruvian_reference::body::mannequin::PARENTS;
 use vitruvian_reference::camera::Pinhole;
 use vitruvian_reference::fitting::mv_smplify::{MvFit, MvSmplify, MvSmplifyOptions, ViewStart};
+use vitruvian_reference::fitting::observation::{LEAST_KEYPOINTS, MOST_CONFIDENCE};
 use vitruvian_reference::fitting::{Keypoint, KeypointSet, Refusal, View};
 use vitruvian_runtime::file::npy::{Array, Values};
 use vitruvian_runtime::file::npz::{self, Named, Npz};
@@ -46,8 +48,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let batch = Batch::read(path)?;
     let fits: Vec<SceneFit> =
         (0..batch.scenes).into_par_iter().map(|s| batch.fit(s, &options)).collect::<Result<_>>()?;
-    for (scene, why) in fits.iter().enumerate().filter_map(|(s, fit)| Some((s, fit.refused.as_ref()?))) {
-        eprintln!("warning: {}: scene {scene} is left as it was: {why}", path.display());
+    for (scene, fit) in fits.iter().enumerate() {
+        if let Some(words) = fit.warning() {
+            eprintln!("warning: {}: scene {scene}{words}", path.display());
+        }
     }
     write(&arguments.out, &batch, &fits)
 }
@@ -103,6 +107,7 @@ struct SceneFit {
     trans: Vec<f64>,
     loss: Vec<f64>,
     valid: bool,
+    left_out: Vec<usize>,
     refused: Option<Refusal>,
 }
 
@@ -162,10 +167,12 @@ impl Batch<'_> {
             return Err(refuse(self.path, message));
         }
         let keypoints = of(&self.keypoints, at, 3 * J).chunks_exact(3).enumerate().map(|(joint, p)| {
-            if p[2] < 0.0 {
+            if !(0.0..=MOST_CONFIDENCE).contains(&p[2]) {
                 let place = format!("scene {scene}, view {view}, joint {joint}");
-                let message =
-                    format!("array \"keypoints\" {place} has the confidence {}; expected ≥ 0", p[2]);
+                let message = format!(
+                    "array \"keypoints\" {place} has the confidence {}; expected 0 to {MOST_CONFIDENCE}",
+                    p[2]
+                );
                 return Err(refuse(self.path, message));
             }
             let pixel_px = if p[2] == 0.0 { [0.0; 2] } else { [p[0], p[1]] };
@@ -189,38 +196,76 @@ impl Batch<'_> {
     }
 
     fn fit(&self, scene: usize, options: &MvSmplifyOptions) -> Result<SceneFit> {
-        let views = (0..self.views).map(|view| self.view(scene, view)).collect::<Result<Vec<_>>>()?;
-        let start: Vec<_> = (0..self.views).map(|view| self.start(scene, view)).collect();
-        let fitter = MvSmplify::of_skeleton(self.skeleton(scene), KeypointSet::Smpl24);
-        Ok(match fitter.and_then(|fitter| fitter.fit(&views, &start, options)) {
-            Ok(found) => SceneFit::of(&found),
-            Err(why) => self.left(scene, why),
-        })
+        let mut views = (0..self.views).map(|view| self.view(scene, view)).collect::<Result<Vec<_>>>()?;
+        let mut start: Vec<_> = (0..self.views).map(|view| self.start(scene, view)).collect();
+        let fitter = match MvSmplify::of_skeleton(self.skeleton(scene), KeypointSet::Smpl24) {
+            Ok(fitter) => fitter,
+            Err(why) => return Ok(self.unfitted(scene, why)),
+        };
+        let mut kept: Vec<usize> = (0..self.views).collect();
+        loop {
+            match fitter.fit(&views, &start, options) {
+                Ok(found) => return Ok(self.fitted(scene, &found, &kept)),
+                Err(Refusal::TooFewKeypointsInView { view, .. }) if views.len() > 1 => {
+                    views.remove(view);
+                    start.remove(view);
+                    kept.remove(view);
+                }
+                Err(Refusal::BadStart { view, fault }) => {
+                    return Ok(self.unfitted(scene, Refusal::BadStart { view: kept[view], fault }));
+                }
+                Err(why) => return Ok(self.unfitted(scene, why)),
+            }
+        }
+    }
+
+    /// What was found from the views that were `kept`; in the others the body stands where it began.
+    fn fitted(&self, scene: usize, found: &MvFit, kept: &[usize]) -> SceneFit {
+        let mut roots: Vec<_> = (0..self.views).map(|view| self.start(scene, view).root).collect();
+        let mut trans = of(&self.trans, scene, self.views * 3).to_vec();
+        for (i, &view) in kept.iter().enumerate() {
+            roots[view] = found.roots[i];
+            trans[3 * view..3 * view + 3].copy_from_slice(&found.translations[i]);
+        }
+        SceneFit {
+            poses: roots.iter().flat_map(|root| root.iter().chain(&found.body_pose)).copied().collect(),
+            betas: found.betas.clone(),
+            trans,
+            loss: found.keypoint_losses.clone(),
+            valid: found.valid,
+            left_out: (0..self.views).filter(|view| !kept.contains(view)).collect(),
+            refused: None,
+        }
     }
 
     /// The start, as the answer for a scene that could not be fitted.
-    fn left(&self, scene: usize, why: Refusal) -> SceneFit {
+    fn unfitted(&self, scene: usize, why: Refusal) -> SceneFit {
         SceneFit {
             poses: of(&self.poses, scene, self.views * 3 * J).to_vec(),
             betas: of(&self.betas, scene * self.views, self.beta_count).to_vec(),
             trans: of(&self.trans, scene, self.views * 3).to_vec(),
             loss: vec![f64::INFINITY; J],
             valid: false,
+            left_out: Vec::new(),
             refused: Some(why),
         }
     }
 }
 
 impl SceneFit {
-    fn of(found: &MvFit) -> SceneFit {
-        SceneFit {
-            poses: (0..found.roots.len()).flat_map(|view| found.pose(view)).collect(),
-            betas: found.betas.clone(),
-            trans: found.translations.iter().flatten().copied().collect(),
-            loss: found.keypoint_losses.clone(),
-            valid: found.valid,
-            refused: None,
+    /// What is to be said of it after its number, if anything is.
+    fn warning(&self) -> Option<String> {
+        if let Some(why) = &self.refused {
+            return Some(format!(" is left as it was: {why}"));
         }
+        let views: Vec<String> = self.left_out.iter().map(usize::to_string).collect();
+        (!views.is_empty()).then(|| {
+            format!(
+                ", view {}: fewer than {LEAST_KEYPOINTS} usable keypoints; the body is fitted to the other views, and its place \
+                 here is left as it was",
+                views.join(", ")
+            )
+        })
     }
 }
 
@@ -252,7 +297,7 @@ fn all_finite(
 fn write(out: &Path, batch: &Batch, fits: &[SceneFit]) -> Result<()> {
     let (s, n, b) = (batch.scenes, batch.views, batch.beta_count);
     let flat = |numbers: fn(&SceneFit) -> &Vec<f64>| -> Vec<f64> {
-        fits.iter().flat_map(|fit| numbers(fit)).copied().collect()
+        fits.iter().flat_map(numbers).copied().collect()
     };
     let valid: Vec<bool> = fits.iter().map(|fit| fit.valid).collect();
     npz::write(

@@ -123,7 +123,7 @@ pub enum Fitter<'a> {
     /// Chapters 2 and 3: an energy of all unknowns, by dogleg.
     Energy { fitter: Box<MultiviewSmplify<'a>>, preset: Preset, options: Box<Options> },
     /// Chapter 4: from regressed parameters, by Adam.
-    Collaborative(Collaborative<'a>),
+    Collaborative(Box<Collaborative<'a>>),
 }
 
 /// What a run does to every capture.
@@ -153,7 +153,7 @@ impl<'a> Settings<'a> {
         let name = |path: &Path| path.display().to_string();
         let body_name = choices.body.as_deref().map_or("mannequin".into(), name);
         let fitter = match method {
-            Method::MvSmplify => Fitter::Collaborative(Collaborative::new(choices, body)?),
+            Method::MvSmplify => Fitter::Collaborative(Box::new(Collaborative::new(choices, body)?)),
             _ => energy(choices, method, body, &body_name)?,
         };
         Ok(Settings {

@@ -177,6 +177,51 @@ fn a_scene_that_says_too_little_does_not_stop_the_batch() {
 }
 
 #[test]
+fn a_view_that_says_too_little_is_left_out_and_the_others_are_fitted() {
+    let folder = folder();
+    let [path, out] = ["batch.npz", "fits.npz"].map(|name| folder.path().join(name));
+    let (mut arrays, truth) = batch();
+    // Views 0 and 2 of scene 1 keep three marks each.
+    for view in [N, N + 2] {
+        let marks = &mut arrays[3].values[view * 72..(view + 1) * 72];
+        marks.chunks_exact_mut(3).skip(3).for_each(|mark| mark[2] = 0.0);
+    }
+    write(&path, &arrays);
+    let ended = fit(&path, &out, &[]).done();
+    assert_eq!(ended.err.lines().count(), 1, "{}", ended.err);
+    assert!(ended.err.contains("scene 1, view 0, 2: fewer than 4 usable keypoints"), "{}", ended.err);
+    assert_eq!(read(&out, "valid", &[S]), [1.0; S]);
+    let [poses, trans] = [("poses", 72), ("trans", 3)].map(|(name, n)| read(&out, name, &[S, N, n]));
+    for view in [N, N + 2] {
+        assert_eq!(poses[view * 72..view * 72 + 3], arrays[0].values[view * 72..view * 72 + 3]);
+        assert_eq!(trans[view * 3..view * 3 + 3], arrays[2].values[view * 3..view * 3 + 3]);
+        assert_eq!(poses[view * 72 + 3..(view + 1) * 72], poses[(N + 1) * 72 + 3..(N + 2) * 72]);
+    }
+    assert_ne!(poses[(N + 1) * 72..(N + 1) * 72 + 3], arrays[0].values[(N + 1) * 72..(N + 1) * 72 + 3]);
+    let b = mannequin().beta_count();
+    let before = errors_mm(&arrays[0].values, &vec![0.0; S * b], &truth)[1];
+    let after = errors_mm(&poses, &read(&out, "betas", &[S, b]), &truth)[1];
+    assert!(after < 0.8 * before, "{after} mm from {before} mm");
+}
+
+#[test]
+fn finite_numbers_that_overflow_leave_their_scene_as_it_was() {
+    let folder = folder();
+    let [path, out] = ["batch.npz", "fits.npz"].map(|name| folder.path().join(name));
+    for (array, at) in [(0, 7), (1, 0), (3, 0), (4, 0), (6, 0)] {
+        let (mut arrays, _) = batch();
+        arrays[array].values[at] = 1e300;
+        write(&path, &arrays);
+        fit(&path, &out, &[]).done();
+        for (name, shape) in [("poses", vec![S, N, 72]), ("trans", vec![S, N, 3])] {
+            let numbers = read(&out, name, &shape);
+            assert!(numbers.iter().all(|x| x.is_finite()), "{} {name}", arrays[array].name);
+        }
+        assert_eq!(read(&out, "valid", &[S])[1..], [1.0; S - 1], "{}", arrays[array].name);
+    }
+}
+
+#[test]
 fn bad_batches_are_refused_in_one_line_and_nothing_is_written() {
     let folder = folder();
     let [path, out] = ["batch.npz", "fits.npz"].map(|name| folder.path().join(name));
@@ -216,6 +261,9 @@ fn bad_batches_are_refused_in_one_line_and_nothing_is_written() {
     refused(&not_finite(3, (N + 3) * 72, f64::INFINITY), &[], &["\"keypoints\" scene 1, view 3 holds inf"]);
     refused(&not_finite(5, 2 * 72 + 5, f64::NAN), &[], &["\"J_template\" scene 2 holds NaN"]);
     refused(&not_finite(3, 2, -0.5), &[], &["\"keypoints\" scene 0, view 0, joint 0", "-0.5"]);
+    // Of scene 1, view 2, joint 5.
+    let too_sure = not_finite(3, ((N + 2) * 24 + 5) * 3 + 2, 1e200);
+    refused(&too_sure, &[], &["\"keypoints\" scene 1, view 2, joint 5", "expected 0 to 1000"]);
     refused(&not_finite(4, 9, 0.0), &[], &["\"K\" scene 0, view 1", "above zero"]);
     refused(&not_finite(4, 1, 3.0), &[], &["\"K\" scene 0, view 0", "expected fx, 0, cx"]);
     let untouched = |_: &mut Vec<Plain>| {};

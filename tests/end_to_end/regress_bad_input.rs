@@ -1,9 +1,10 @@
 //! What `regress` refuses: one line that names the file or option and the fix, status 2 (3 for a missing part), nothing written.
 
 use std::fs;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use image::{GrayImage, Luma, RgbImage};
+use image::{GrayImage, ImageFormat, Luma, RgbImage};
 use tempfile::TempDir;
 use vitruvian_runtime::capture::picture;
 
@@ -70,7 +71,7 @@ fn the_scene_itself_is_accepted() {
 }
 
 #[test]
-fn boxes_without_area_without_sense_or_outside_the_photograph() {
+fn boxes_without_area_without_sense_too_small_or_outside_the_photograph() {
     let scene = Scene::new();
     for (text, words) in [
         ("10,10,0,20", "it has no area"),
@@ -80,7 +81,9 @@ fn boxes_without_area_without_sense_or_outside_the_photograph() {
         ("10,10,NaN,20", "expected four numbers"),
         ("64,10,20,20", "it lies outside"),
         ("-30,-30,20,20", "it lies outside"),
-        ("10.4,10.4,1e-3,1e-3", "it holds no pixel"),
+        ("10.4,10.4,1e-3,1e-3", "less than the 8 pixels"),
+        ("10,10,1e-9,1e-9", "less than the 8 pixels"),
+        ("10,10,.3,.3", "less than the 8 pixels"),
         ("10,10,1e9,1e9", "its side is more than"),
     ] {
         scene.refused(2, &with(&["--box", text]), &[words]);
@@ -93,12 +96,14 @@ fn boxes_without_area_without_sense_or_outside_the_photograph() {
 }
 
 #[test]
-fn masks_that_are_empty_of_another_size_or_none() {
+fn masks_that_are_empty_a_speck_of_another_size_or_none() {
     let scene = Scene::new();
     let write = |mask: &GrayImage| picture::write_gray(&scene.path("mask.png"), mask).expect("writable");
     let words = with(&["--mask", "@/mask.png"]);
     write(&GrayImage::new(64, 48));
     scene.refused(2, &words, &["mask.png", "mask is empty"]);
+    write(&GrayImage::from_fn(64, 48, |x, y| Luma([if (x, y) == (30, 20) { 255 } else { 0 }])));
+    scene.refused(2, &words, &["photo.png", "1.2 pixels", "less than the 8 pixels"]);
     write(&GrayImage::new(48, 64));
     scene.refused(2, &words, &["mask.png: is 48 × 64 pixels", "photo.png is 64 × 48"]);
     fs::write(scene.path("mask.png"), "not a picture").expect("writable");
@@ -115,6 +120,11 @@ fn photographs_that_are_none_absent_or_of_one_name() {
     scene.refused(2, &with(&["@/other/photo.png"]), &["photo.png", "both have the results \"photo\""]);
     fs::write(scene.path("photo.png"), &photograph[..photograph.len() - 20]).expect("writable");
     scene.refused(2, &GOOD, &["photo.png: cannot be decoded"]);
+    let mut jpeg = Cursor::new(Vec::new());
+    RgbImage::new(64, 48).write_to(&mut jpeg, ImageFormat::Jpeg).expect("memory");
+    let jpeg = jpeg.into_inner();
+    fs::write(scene.path("photo.png"), &jpeg[..jpeg.len() - 20]).expect("writable");
+    scene.refused(2, &GOOD, &["photo.png: ends before its picture does"]);
     fs::write(scene.path("photo.png"), "not a picture").expect("writable");
     scene.refused(2, &GOOD, &["photo.png: cannot be decoded"]);
     fs::write(scene.path("notes.txt"), "not a picture").expect("writable");

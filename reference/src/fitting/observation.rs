@@ -1,4 +1,4 @@
-//! What a fit is given: cameras and 2-D keypoints, and the refusals for data that no fit can start from.
+//! What a fit is given: cameras and 2-D keypoints, and the refusals for data that cannot be fitted.
 
 use super::keypoint_set::{BodyKeypoint, KeypointSet};
 use crate::camera::Pinhole;
@@ -10,7 +10,7 @@ use std::fmt;
 pub struct Keypoint {
     /// (u, v), pixels from the image's top-left corner.
     pub pixel_px: [f64; 2],
-    /// ≥ 0; the residual's weight. 0 for a keypoint that was not found, whose pixel then means nothing.
+    /// 0 to [`MOST_CONFIDENCE`]; the residual's weight. 0 for a keypoint that was not found, whose pixel then means nothing.
     pub confidence: f64,
 }
 
@@ -46,7 +46,11 @@ pub struct Observation {
 /// The least number of usable keypoints: four points fix a camera's pose, three leave up to four.
 pub const LEAST_KEYPOINTS: usize = 4;
 
-/// Why a fit did not start.
+/// The largest confidence. Detectors give 0 to 1, or the height of a peak that is not normalized, some tens; beyond a thousand
+/// stands another quantity, and squares of it leave other marks nothing to say.
+pub const MOST_CONFIDENCE: f64 = 1e3;
+
+/// Why there is no fit.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refusal {
     /// There is no view.
@@ -65,7 +69,7 @@ pub enum Refusal {
         /// Keypoints of the set.
         expected: usize,
     },
-    /// A pixel or confidence is NaN or infinite, or a confidence is negative.
+    /// A pixel is NaN or infinite, or a confidence is not between 0 and [`MOST_CONFIDENCE`].
     BadKeypoint {
         /// The view.
         view: usize,
@@ -109,6 +113,8 @@ pub enum Refusal {
     },
     /// No start puts the body in front of every camera.
     NoStart,
+    /// The descent left the finite numbers: something that was given is finite, but too large to be squared.
+    Overflow,
     /// There is not one start for each view.
     StartCount {
         /// Starts.
@@ -138,7 +144,7 @@ impl fmt::Display for Refusal {
             Refusal::BadKeypoint { view, keypoint, name, found } => write!(
                 f,
                 "view {view}, keypoint {keypoint} ({name}) is ({}, {}) with confidence {}; expected finite numbers and a \
-                 confidence ≥ 0",
+                 confidence from 0 to {MOST_CONFIDENCE}",
                 found.pixel_px[0], found.pixel_px[1], found.confidence
             ),
             Refusal::BadCamera { view, fault } => write!(f, "the camera of view {view} {fault}"),
@@ -161,6 +167,12 @@ impl fmt::Display for Refusal {
             }
             Refusal::BadInitial { fault } => write!(f, "the start that was handed in {fault}"),
             Refusal::NoStart => write!(f, "no start puts the body in front of every camera"),
+            Refusal::Overflow => {
+                write!(
+                    f,
+                    "the fit left the finite numbers: a keypoint, a camera, the start or the body is far too large"
+                )
+            }
             Refusal::StartCount { found, expected } => {
                 write!(f, "{found} starts for {expected} views; every view has its own")
             }
@@ -188,8 +200,8 @@ impl Observation {
             }
             for (keypoint, &found) in v.keypoints.iter().enumerate() {
                 let [x, y] = found.pixel_px;
-                let finite = found.confidence.is_finite() && x.is_finite() && y.is_finite();
-                if !finite || found.confidence < 0.0 {
+                let is_weight = (0.0..=MOST_CONFIDENCE).contains(&found.confidence);
+                if !(is_weight && x.is_finite() && y.is_finite()) {
                     let name = self.keypoint_set.name(keypoint);
                     return Err(Refusal::BadKeypoint { view, keypoint, name, found });
                 }
@@ -284,6 +296,8 @@ mod tests {
         assert!(nan.contains("view 1, keypoint 16 (left_shoulder) is (26, NaN)"), "{nan}");
         let negative = refusal(|o| o.views[0].keypoints[3].confidence = -0.1);
         assert!(negative.contains("view 0, keypoint 3 (spine1)") && negative.contains("-0.1"), "{negative}");
+        let huge = refusal(|o| o.views[0].keypoints[3].confidence = 1e200);
+        assert!(huge.contains("view 0, keypoint 3 (spine1)") && huge.contains("from 0 to 1000"), "{huge}");
         let short = refusal(|o| o.views[1].keypoints.truncate(23));
         assert!(short.contains("view 1 has 23 keypoints; the set has 24"), "{short}");
         let mirrored = refusal(|o| o.views[0].camera.rotation[2][2] = -1.0);

@@ -14,6 +14,7 @@
 mod camera;
 pub mod cameras_json;
 pub(crate) mod geometry;
+mod jpeg;
 pub mod opencv_yaml;
 pub mod picture;
 mod undistort;

@@ -4,9 +4,10 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{DynamicImage, ExtendedColorType, GrayImage, ImageEncoder, ImageReader, RgbImage};
+use image::{DynamicImage, ExtendedColorType, GrayImage, ImageEncoder, ImageFormat, ImageReader, RgbImage};
 
 use super::camera::MAX_PIXELS;
+use super::jpeg;
 use crate::error::{Error, Result};
 use crate::file::{atomic, read_bytes};
 
@@ -51,7 +52,15 @@ pub(crate) fn read(path: &Path, expected: Option<(u32, u32)>) -> Result<DynamicI
             format!("is {width} × {height} pixels; at most {MAX_PIXELS} are read: scale it down"),
         ));
     }
-    reader()?.decode().map_err(damaged)
+    let reader = reader()?;
+    if reader.format() == Some(ImageFormat::Jpeg) && !jpeg::is_whole(&bytes) {
+        let message = format!(
+            "ends before its picture does: the JPEG of {} bytes has no end-of-image marker; copy or save it again",
+            bytes.len()
+        );
+        return Err(Error::file(path, message));
+    }
+    reader.decode().map_err(damaged)
 }
 
 /// Reads a PNG or JPEG as RGB; transparency is dropped.
@@ -153,9 +162,27 @@ mod tests {
             read_rgb(&path, None).unwrap_err().to_string().contains("a.png: is neither a PNG nor a JPEG")
         );
         let mut jpeg = Cursor::new(Vec::new());
-        DynamicImage::from(gradient()).write_to(&mut jpeg, image::ImageFormat::Jpeg).unwrap();
+        DynamicImage::from(gradient()).write_to(&mut jpeg, ImageFormat::Jpeg).unwrap();
         std::fs::write(&path, jpeg.into_inner()).unwrap();
         assert_eq!(read_rgb(&path, None).unwrap().dimensions(), (31, 17));
+    }
+
+    #[test]
+    fn a_jpeg_that_was_cut_off_is_refused_and_one_with_more_behind_its_end_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jpg");
+        let mut jpeg = Cursor::new(Vec::new());
+        DynamicImage::from(gradient()).write_to(&mut jpeg, ImageFormat::Jpeg).unwrap();
+        let whole = jpeg.into_inner();
+        std::fs::write(&path, &whole).unwrap();
+        let read = read_rgb(&path, None).unwrap();
+        std::fs::write(&path, [&whole[..], b"padding"].concat()).unwrap();
+        assert_eq!(read_rgb(&path, None).unwrap(), read);
+        for length in [whole.len() - 1, whole.len() - 20] {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let cut = read_rgb(&path, None).unwrap_err().to_string();
+            assert!(cut.contains("a.jpg: ends before its picture does"), "{cut}");
+        }
     }
 
     #[test]

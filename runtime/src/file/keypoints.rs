@@ -55,13 +55,16 @@ impl JointSet {
     const ALL: [JointSet; 4] = [JointSet::Body25, JointSet::Coco18, JointSet::Coco17, JointSet::Smpl24];
 }
 
+/// The largest confidence that is read. Detectors give 0 to 1, or the height of a peak that is not normalized, some tens.
+pub const MOST_CONFIDENCE: f64 = 1e3;
+
 /// The 2-D joints of one person.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keypoints {
     /// Which joints, in which order.
     pub joint_set: JointSet,
-    /// (u, v, confidence) for each joint of the set: pixels from the image's top-left corner, confidence ≥ 0,
-    /// zero for a joint that was not found.
+    /// (u, v, confidence) for each joint of the set: pixels from the image's top-left corner, confidence from 0 to
+    /// [`MOST_CONFIDENCE`], zero for a joint that was not found.
     pub points: Vec<[f64; 3]>,
 }
 
@@ -132,12 +135,16 @@ fn read_person(person: &Value, declared: Option<JointSet>) -> std::result::Resul
     }
     let mut points = Vec::with_capacity(count);
     for (j, triple) in list.chunks_exact(3).enumerate() {
-        let wrong = || format!("joint {j} is {triple:?}; expected three finite numbers, the last ≥ 0");
+        let wrong = || {
+            format!(
+                "joint {j} is {triple:?}; expected three finite numbers, the last from 0 to {MOST_CONFIDENCE}"
+            )
+        };
         let mut point = [0.0; 3];
         for (p, x) in point.iter_mut().zip(triple) {
             *p = x.as_f64().filter(|x| x.is_finite()).ok_or_else(wrong)?;
         }
-        if point[2] < 0.0 {
+        if !(0.0..=MOST_CONFIDENCE).contains(&point[2]) {
             return Err(wrong());
         }
         points.push(point);
@@ -196,10 +203,20 @@ mod tests {
             json!({ "joint_set": "smpl24", "people": [{ "pose_keypoints_2d": vec![1.0; 75] }] }).to_string();
         assert!(parse(&text).unwrap_err().contains("smpl24 has 24 joints"));
         assert!(parse("{\"joint_set\": \"h36m\", \"people\": []}").unwrap_err().contains("h36m"));
-        let mut bad = vec![1.0; 75];
-        bad[5] = -1.0;
-        let text = json!({ "people": [{ "pose_keypoints_2d": bad }] }).to_string();
-        assert!(parse(&text).unwrap_err().contains("joint 1"));
+    }
+
+    #[test]
+    fn a_confidence_below_zero_or_beyond_a_thousand_is_refused_with_the_joint() {
+        let with = |confidence: f64| {
+            let mut list = vec![1.0; 75];
+            list[5] = confidence;
+            parse(&json!({ "people": [{ "pose_keypoints_2d": list }] }).to_string())
+        };
+        for confidence in [-1.0, 1000.1, 1e200] {
+            let refusal = with(confidence).unwrap_err();
+            assert!(refusal.contains("joint 1") && refusal.contains("from 0 to 1000"), "{refusal}");
+        }
+        assert_eq!(with(1000.0).unwrap().unwrap().points[1][2], 1000.0);
     }
 
     proptest! {

@@ -19,6 +19,9 @@ const MARGIN: f64 = 1.2;
 /// Mask values from here on are body.
 const BODY: u8 = 128;
 
+/// Shortest side of a square that is cut, in photograph pixels: fewer show nobody, and a network answers all the same.
+const LEAST_SIDE_PX: f64 = 8.0;
+
 /// Longest side of a square that is cut, in photograph pixels; more would only be border and cost memory.
 const LARGEST_SIDE_PX: u32 = 16_384;
 
@@ -116,7 +119,7 @@ impl Crop {
 ///   Pillow's, checked up and down in scale and beyond the border.
 ///
 /// # Errors
-/// The box is not finite, thinner than a pixel, longer than 16384 pixels, or does not touch the photograph; `size` is
+/// The box is not finite, its side less than 8 or more than 16384 pixels, or does not touch the photograph; `size` is
 /// 0 or greater than 2048.
 ///
 /// # References
@@ -153,8 +156,11 @@ fn square((width, height): (u32, u32), person: &PersonBox) -> Result<([i64; 2], 
         return Err(refuse(person, "give finite numbers"));
     }
     let side = (high[0] - low[0]).max(high[1] - low[1]);
-    if side < 1.0 {
-        return Err(refuse(person, "it holds no pixel: give a square with a side of at least 1 pixel"));
+    if person.side_px < LEAST_SIDE_PX {
+        return Err(refuse(
+            person,
+            format!("its side is less than the {LEAST_SIDE_PX} pixels that show a person: give a larger one"),
+        ));
     }
     if side > f64::from(LARGEST_SIDE_PX) {
         return Err(refuse(

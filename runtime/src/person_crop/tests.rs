@@ -74,11 +74,14 @@ fn corners_are_truncated_towards_zero() {
 }
 
 #[test]
-fn boxes_that_hold_nothing_are_refused_with_their_numbers() {
+fn boxes_that_show_nobody_are_refused_with_their_numbers() {
     let photograph = photograph();
     for (person, said) in [
-        (square([20.0, 20.0], 0.0), "holds no pixel"),
-        (square([20.0, 20.0], -30.0), "holds no pixel"),
+        (square([20.0, 20.0], 0.0), "less than the 8 pixels"),
+        (square([20.0, 20.0], -30.0), "less than the 8 pixels"),
+        // It covers one pixel of the photograph.
+        (square([20.0, 20.0], 1e-9), "less than the 8 pixels"),
+        (square([20.0, 20.0], 7.99), "7.99 pixels around (20.0, 20.0): its side is less than the 8 pixels"),
         (square([f64::NAN, 20.0], 30.0), "finite"),
         (square([20.0, 20.0], f64::INFINITY), "finite"),
         (square([20.0, 20.0], 1e9), "more than 16384"),
@@ -89,6 +92,7 @@ fn boxes_that_hold_nothing_are_refused_with_their_numbers() {
         let error = crop(&photograph, &person, 16).unwrap_err();
         assert!(matches!(error, Error::PersonBox { .. }) && error.to_string().contains(said), "{error}");
     }
+    assert_eq!(crop(&photograph, &square([20.0, 20.0], 8.0), 16).unwrap().side_px, 8);
     assert!(crop(&photograph, &square([20.0, 20.0], 9.0), 0).is_err());
     assert!(crop(&photograph, &square([20.0, 20.0], 9.0), 1 << 20).is_err());
     assert!(crop(&RgbImage::new(0, 0), &PersonBox::whole(0, 0), 16).is_err());

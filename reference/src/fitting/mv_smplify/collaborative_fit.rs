@@ -104,7 +104,7 @@ impl<'a> MvSmplify<'a> {
     ///
     /// # Errors
     /// A [`Refusal`] for data that no fit can start from: no view, numbers that are not finite, a view with fewer than four
-    /// usable marks, starts of the wrong sizes. What can be fitted but not be trusted is a fit that is not
+    /// usable marks, starts of the wrong sizes; and [`Refusal::Overflow`] if what it ends with is not finite. What can be fitted but not be trusted is a fit that is not
     /// [valid](MvFit::valid).
     ///
     /// # Panics
@@ -137,6 +137,9 @@ impl<'a> MvSmplify<'a> {
             betas: mean_betas(starts, figure.beta_count()),
             placements: self.placed_by_torso(&figure, views, starts, &terms, options)?,
         };
+        if !begin.is_finite() {
+            return Err(Refusal::Overflow);
+        }
         let stage = SharedStage {
             figure: &figure,
             views: &terms,
@@ -158,13 +161,16 @@ impl<'a> MvSmplify<'a> {
             }
             MvFit::of(&stage, shared)
         };
-        let fit = descend(begin.clone());
-        if !options.reseat {
-            return Ok(fit);
+        let mut fit = descend(begin.clone());
+        if options.reseat
+            && let Some(reseated) = reseat::reseated(&stage, &begin, options.sigma_px)
+        {
+            let again = descend(reseated);
+            if again.mean_loss < fit.mean_loss {
+                fit = again;
+            }
         }
-        let Some(reseated) = reseat::reseated(&stage, &begin, options.sigma_px) else { return Ok(fit) };
-        let again = descend(reseated);
-        Ok(if again.mean_loss < fit.mean_loss { again } else { fit })
+        if fit.is_finite() { Ok(fit) } else { Err(Refusal::Overflow) }
     }
 
     /// Stage 1 of every view, with the body that its start says.

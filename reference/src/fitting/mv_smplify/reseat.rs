@@ -6,7 +6,7 @@
 
 use super::shared_stage::{Shared, SharedStage};
 use super::view_term::Placement;
-use crate::fitting::resection::{Landmark, resect};
+use crate::fitting::resection::{Landmark, Resected, resect};
 use crate::linalg::vector::sub;
 use crate::rotation::{angle_between, logarithm, rodrigues};
 
@@ -39,7 +39,7 @@ pub(super) fn reseated(stage: &SharedStage, begin: &Shared, sigma_px: f64) -> Op
         let current = rodrigues(placement.root);
         let best = resect(&landmarks, &upright, sigma, CANDIDATES)
             .into_iter()
-            .filter(|camera| angle_between(&camera.rotation, &current) > ELSEWHERE_RAD)
+            .filter(|camera| is_finite(camera) && angle_between(&camera.rotation, &current) > ELSEWHERE_RAD)
             .map(|camera| Placement {
                 root: logarithm(&camera.rotation),
                 translation: sub(camera.translation, pose.pelvis),
@@ -53,4 +53,9 @@ pub(super) fn reseated(stage: &SharedStage, begin: &Shared, sigma_px: f64) -> Op
         }
     }
     moved.then_some(found)
+}
+
+/// Landmarks that are too large to be squared are resected to NaN, which is nowhere.
+fn is_finite(camera: &Resected) -> bool {
+    camera.rotation.iter().flatten().chain(&camera.translation).all(|x| x.is_finite())
 }

@@ -55,6 +55,14 @@ impl MvFit {
         }
     }
 
+    /// Whether every number is one. A descent that overflows somewhere ends in NaN everywhere.
+    pub(super) fn is_finite(&self) -> bool {
+        let placements = self.roots.iter().chain(&self.translations).flatten();
+        let body = self.body_pose.iter().chain(&self.betas);
+        let losses = self.keypoint_losses.iter().chain(&self.view_losses).chain([&self.mean_loss]);
+        placements.chain(body).chain(losses).all(|x| x.is_finite())
+    }
+
     /// θ in the camera of `view`: its root and the shared rest, 3J numbers.
     ///
     /// # Panics

@@ -37,6 +37,14 @@ pub(super) struct Shared {
     pub placements: Vec<Placement>,
 }
 
+impl Shared {
+    /// Whether every unknown is a number.
+    pub(super) fn is_finite(&self) -> bool {
+        let placed = self.placements.iter().flat_map(|p| p.root.iter().chain(&p.translation));
+        self.body_pose.iter().chain(&self.betas).chain(placed).all(|x| x.is_finite())
+    }
+}
+
 /// Room for one evaluation.
 #[derive(Clone, Debug)]
 pub(super) struct Room {

@@ -24,6 +24,9 @@ pub struct ViewStart {
     pub side_px: Option<f64>,
 }
 
+/// An angle beyond this, a thousand turns, is a number that means something else; its square may overflow.
+const MOST_RADIANS: f64 = 2e3 * std::f64::consts::PI;
+
 /// The sizes of a start.
 ///
 /// # Errors
@@ -40,12 +43,15 @@ pub(super) fn check(
     for (view, start) in starts.iter().enumerate() {
         let mut numbers =
             start.body_pose.iter().chain(&start.betas).chain(&start.root).chain(&start.translation);
+        let mut angles = start.body_pose.iter().chain(&start.root);
         let fault = if start.body_pose.len() != pose_len {
             "has a body pose of another length than 3(J − 1)"
         } else if start.betas.len() > beta_count {
             "has more betas than this body"
         } else if !numbers.all(|x| x.is_finite()) {
             "holds a number that is not finite"
+        } else if angles.any(|x| x.abs() > MOST_RADIANS) {
+            "holds an angle of more than a thousand turns; expected radians"
         } else if start.side_px.is_some_and(|side| !(side.is_finite() && side > 0.0)) {
             "has a crop whose side is not a positive number"
         } else {

@@ -4,7 +4,7 @@ use super::{Descent, MeanPose, MvFit, MvPreset, MvSmplify, MvSmplifyOptions, Vie
 use crate::body::Skeleton;
 use crate::camera::Pinhole;
 use crate::fitting::test_scene::{Person, add_noise, body, body_of_smpl_size, observe, person, ring};
-use crate::fitting::{Extrinsics, Keypoint, KeypointSet, View};
+use crate::fitting::{Extrinsics, Keypoint, KeypointSet, Refusal, View};
 use crate::linalg::matrix::{apply, mul};
 use crate::linalg::vector::{Vector3, add, distance, scale, sub};
 use crate::metric::joints::pa_mpjpe;
@@ -254,11 +254,14 @@ fn refusals_name_the_view() {
     assert!(refusal(&|v, s| (v.clear(), s.clear()).0).contains("no view"));
     assert!(refusal(&|_, s| s.truncate(1)).contains("1 starts for 2 views"));
     assert!(refusal(&|_, s| s[1].root[2] = f64::NAN).contains("start of view 1 holds a number"));
+    assert!(refusal(&|_, s| s[1].body_pose[4] = 1e4).contains("start of view 1 holds an angle"));
     assert!(refusal(&|_, s| s[1].body_pose.truncate(60)).contains("start of view 1 has a body pose"));
     assert!(refusal(&|_, s| s[0].betas.resize(11, 0.0)).contains("start of view 0 has more betas"));
     assert!(refusal(&|_, s| s[0].side_px = Some(0.0)).contains("start of view 0 has a crop"));
     let pixel = refusal(&|v, _| v[1].keypoints[4].pixel_px[0] = f64::INFINITY);
     assert!(pixel.contains("view 1, keypoint 4"), "{pixel}");
+    let sure = refusal(&|v, _| v[1].keypoints[4].confidence = 1e200);
+    assert!(sure.contains("view 1, keypoint 4") && sure.contains("from 0 to 1000"), "{sure}");
     let hidden = refusal(&|v, _| v[1].keypoints.iter_mut().for_each(|k| k.confidence = 0.0));
     assert!(hidden.contains("0 usable keypoints") && hidden.contains("view 1"), "{hidden}");
     let focal = refusal(&|v, _| v[0].camera.focal_px[0] = -1.0);
@@ -271,6 +274,33 @@ fn refusals_name_the_view() {
         }
     });
     assert!(behind.contains("start of view 0 puts the body behind the camera"), "{behind}");
+}
+
+#[test]
+fn whatever_is_finite_but_huge_ends_in_a_refusal_or_in_numbers() {
+    let (cameras, person) = (ring(2), person(0));
+    let (good_views, good_starts) = (views(&person, &cameras, 0.0), exact_starts(&person, &cameras));
+    let changes: [fn(&mut View, &mut ViewStart, f64); 7] = [
+        |view, _, huge| view.keypoints[4].pixel_px[0] = huge,
+        |view, _, huge| view.camera.focal_px[0] = huge,
+        |view, _, huge| view.camera.principal_px[1] = -huge,
+        |_, start, huge| start.root[0] = huge,
+        |_, start, huge| start.translation[2] = huge,
+        |_, start, huge| start.betas[0] = huge,
+        |_, start, huge| start.body_pose[7] = huge,
+    ];
+    let mut overflows = 0;
+    for huge in [1e9, 1e100, 1e200, f64::MAX] {
+        for (n, change) in changes.iter().enumerate() {
+            let (mut views, mut starts) = (good_views.clone(), good_starts.clone());
+            change(&mut views[1], &mut starts[1], huge);
+            match fitter().fit(&views, &starts, &MvSmplifyOptions::default()) {
+                Ok(fit) => assert!(fit.is_finite(), "{n} {huge:e}"),
+                Err(refusal) => overflows += usize::from(refusal == Refusal::Overflow),
+            }
+        }
+    }
+    assert!(overflows > 0, "some squares do overflow");
 }
 
 #[test]
