@@ -109,7 +109,7 @@ class Weights:
 
 
 # For the start: truth has no errors that a small weight must guard against.
-SUPERVISED = Weights(pose=2.0, betas=0.02)
+SUPERVISED = Weights(betas=0.02)
 
 
 def total(weights: Weights, **terms: Tensor) -> Tensor:

@@ -22,6 +22,7 @@
 //! [`JUDGES`](suite::operators::JUDGES). An exported graph with an operator that is not there fails the tests.
 
 pub mod array;
+pub mod audit;
 pub mod certificate;
 pub mod compare;
 pub mod convert;
