@@ -38,13 +38,14 @@ class Auxiliary(nn.Module):
 
     def forward(self, middle: Tensor, features: Tensor, batch: Batch) -> Tensor:
         """Losses of keypoints (eq. 4.1) and joints (eq. 4.5) of both readings, and of the heat maps."""
-        every = torch.ones_like(batch.confidence)
         read = self.joints(features).unflatten(1, (JOINTS, 5))
         maps = self.places(torch.relu(self.up(middle)))
         places, depths = self.integral(maps)
         linear = losses.keypoint_loss(read[..., :2], batch.keypoints, batch.confidence) + losses.joint_loss(
-            read[..., 2:], batch.joints, every
+            read[..., 2:], batch.joints, batch.measured
         )
-        integral = losses.keypoint_loss(places, batch.keypoints, batch.confidence) + losses.depth_loss(depths, batch.joints)
+        integral = losses.keypoint_loss(places, batch.keypoints, batch.confidence) + losses.depth_loss(
+            depths, batch.joints, batch.measured
+        )
         heat = losses.heatmap_loss(maps[:, :JOINTS], batch.keypoints, batch.confidence)
         return linear + INTEGRAL * integral + HEAT * heat

@@ -77,9 +77,9 @@ def heatmap_loss(logits: Tensor, keypoints: Tensor, confidence: Tensor) -> Tenso
     return (inside * entropy).sum() / inside.sum().clamp(min=1)
 
 
-def depth_loss(predicted: Tensor, joints: Tensor) -> Tensor:
-    """Mean square of depths [B,24] (m) against those of joints [B,24,3], counted from between the hips."""
-    return (predicted - centred(joints)[..., 2]).square().mean()
+def depth_loss(predicted: Tensor, joints: Tensor, confidence: Tensor) -> Tensor:
+    """Mean of c times the square of depths [B,24] (m) against those of joints [B,24,3], counted from between the hips."""
+    return (confidence * (predicted - centred(joints)[..., 2]).square()).mean()
 
 
 def prior_loss(rotations: Tensor, mean: Tensor, betas: Tensor) -> Tensor:

@@ -24,13 +24,15 @@ class Batch:
 
     images [BN,3,S,S] normalised; keypoints [BN,24,2] in −1..1 over the crop, y down; confidence [BN,24]; joints
     [BN,24,3] and rotations [BN,24,3,3] in the camera's axes, betas [BN,10]: all of the augmented body. The skeleton,
-    j_template [BN,24,3] and j_shapedirs [BN,24,3,10], is left as it is: bodies are symmetric.
+    j_template [BN,24,3] and j_shapedirs [BN,24,3,10], is left as it is: bodies are symmetric. measured [BN,24] is 1 where
+    training may know the joint in three dimensions, 0 where it knows the keypoints alone.
     """
 
     images: Tensor
     keypoints: Tensor
     confidence: Tensor
     joints: Tensor
+    measured: Tensor
     rotations: Tensor
     betas: Tensor
     j_template: Tensor
@@ -45,11 +47,16 @@ def stacked(scenes: Sequence[dict[str, np.ndarray]], name: str) -> Tensor:
 
 
 def batch(
-    scenes: Sequence[dict[str, np.ndarray]], size: int, rng: np.random.Generator | None = None, replaced: float = 1 / 3
+    scenes: Sequence[dict[str, np.ndarray]],
+    size: int,
+    rng: np.random.Generator | None = None,
+    replaced: float = 1 / 3,
+    measured: Sequence[bool] | None = None,
 ) -> Batch:
     """The scenes as the network sees them in crops of `size` pixels, augmented by draws of `rng`; plain without it.
 
-    `replaced` is the share of scenes that are put before another background.
+    `replaced` is the share of scenes that are put before another background, `measured` says of each scene whether its
+    joints are known in three dimensions; without it all are.
     """
     views = len(scenes[0]["images"])
     draw = Augmentation.none(len(scenes)) if rng is None else Augmentation.draw(rng, len(scenes))
@@ -62,21 +69,26 @@ def batch(
         replace_backgrounds(rng, crops, scenes, draw, replaced)
         disturb(rng, crops, views)
     mean, std = torch.tensor(MEAN).view(3, 1, 1), torch.tensor(STD).view(3, 1, 1)
-    return truth(scenes, draw, crops.sub_(mean).div_(std))
+    return truth(scenes, draw, crops.sub_(mean).div_(std), measured)
 
 
 def truth(
-    scenes: Sequence[dict[str, np.ndarray]], draw: Augmentation | None = None, images: Tensor | None = None
+    scenes: Sequence[dict[str, np.ndarray]],
+    draw: Augmentation | None = None,
+    images: Tensor | None = None,
+    measured: Sequence[bool] | None = None,
 ) -> Batch:
     """What is known of the scenes under an augmentation, none by default, with the images that go with it."""
     views, side = len(scenes[0]["images"]), scenes[0]["images"].shape[-1]
     rows = (draw or Augmentation.none(len(scenes))).for_views(views)
     keypoints = stacked(scenes, "keypoints").flatten(0, 1)
+    known = torch.ones(len(scenes)) if measured is None else torch.tensor(measured, dtype=torch.float32)
     return Batch(
         images=torch.empty(0) if images is None else images,
         keypoints=rows.renamed(rows.points(2 * keypoints[..., :2] / side - 1)),
         confidence=rows.renamed(keypoints[..., 2]),
         joints=rows.joints(stacked(scenes, "joints_camera").flatten(0, 1)),
+        measured=known.repeat_interleave(views)[:, None].expand(-1, keypoints.shape[1]),
         rotations=rows.rotations(rotations_in_cameras(scenes)),
         betas=stacked(scenes, "betas").repeat_interleave(views, 0),
         j_template=stacked(scenes, "J_template").repeat_interleave(views, 0),

@@ -4,6 +4,9 @@ Every step takes `--batch` scenes with all their views, one augmentation a scene
 camera from each view; with `--fit-in-the-loop` MV-SMPLify then fits one body to all views of a scene from there, the
 best fit of each scene is kept, and the valid ones supervise pose and shape beside the keypoints and joints (eq. 4.6).
 
+As in the thesis' data, joints may be known in three dimensions for a part of the scenes only (`--measured`): those of
+laboratories have them, pictures from elsewhere have keypoints. There the fit to all views is what teaches depth.
+
 The thesis starts from SPIN's released weights, which were trained with SMPL's parameters as well; in this width there
 are none: a first run under the scenes' true poses and shapes (`--supervised`) stands for them and is the start of both
 arms of the ablation (models/train.sh). What helps a trunk that knows nothing: its features are also asked for joints
@@ -43,6 +46,7 @@ CURVES = ("loss", "keypoints", "joints", "direct", "pose", "betas", "pa_mpjpe_mm
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, nargs="+", required=True, help="folders of scenes to train on")
+    parser.add_argument("--measured", type=Path, nargs="*", help="those of them whose joints are known in 3-D; default: all")
     parser.add_argument("--validation", type=Path, nargs="*", default=[], help="folders to watch, never trained on")
     parser.add_argument("-o", "--out", type=Path, required=True, help="the checkpoint to write, and to go on from")
     parser.add_argument("--start", type=Path, help="a checkpoint whose weights to start from; optimiser and schedule fresh")
@@ -69,6 +73,8 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--full-precision", action="store_true", help="no bfloat16 (slower)")
     options = parser.parse_args(arguments)
+    if options.measured is not None and not set(options.measured) <= set(options.data):
+        parser.error(f"--measured names {', '.join(map(str, set(options.measured) - set(options.data)))}, which --data does not")
     if options.supervised and options.fit_in_the_loop:
         parser.error("--supervised learns from the truth, --fit-in-the-loop from fits: choose one")
     return options
@@ -249,18 +255,23 @@ class Training:
                 self.options.pose_prior,
             )
 
+    def measured(self, chosen: np.ndarray) -> list[bool] | None:
+        """Of each chosen scene, whether its joints are known in three dimensions; all are where `--measured` is left out."""
+        known = self.options.measured
+        return None if known is None else [self.scenes.paths[k].parent in known for k in chosen]
+
     def step(self) -> dict[str, float]:
         """One step; the terms of its loss."""
         chosen = self.rng.choice(len(self.scenes), min(self.options.batch, len(self.scenes)), replace=False)
         names = [str(Path(*self.scenes.paths[k].parts[-2:])) for k in chosen]
         scenes = [self.scenes[k] for k in chosen]
-        batch = people.batch(scenes, self.size.image_size, self.rng, self.replaced())
+        batch = people.batch(scenes, self.size.image_size, self.rng, self.replaced(), self.measured(chosen))
         middle, features = self.features(batch)
         rotations, betas, camera = self.regress(features)
         joints = self.joints(batch, rotations, betas)
         terms = {
             "keypoints": losses.keypoint_loss(project(joints, camera, self.size), batch.keypoints, batch.confidence),
-            "joints": losses.joint_loss(joints, batch.joints, torch.ones_like(batch.confidence)),
+            "joints": losses.joint_loss(joints, batch.joints, batch.measured),
             "camera": losses.camera_loss(camera),
             "prior": losses.prior_loss(rotations[:, 1:], self.mean_rotations[1:], betas),
         }

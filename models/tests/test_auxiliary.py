@@ -1,5 +1,6 @@
 """Joints read off maps: where a heat map is sharp, its mean is its place; the losses vanish at the truth alone."""
 import unittest
+from dataclasses import replace
 
 import torch
 
@@ -34,10 +35,22 @@ class Integral(unittest.TestCase):
 
     def test_depth_is_counted_from_between_the_hips(self):
         joints = torch.randn(3, 24, 3)
-        truth = losses.centred(joints)[..., 2]
-        self.assertEqual(float(losses.depth_loss(truth, joints)), 0.0)
-        self.assertEqual(float(losses.depth_loss(truth, joints + torch.tensor([0.0, 0.0, 8.0]))) < 1e-10, True)
-        self.assertGreater(float(losses.depth_loss(truth + 0.1, joints)), 0.009)
+        truth, known = losses.centred(joints)[..., 2], torch.ones(3, 24)
+        self.assertEqual(float(losses.depth_loss(truth, joints, known)), 0.0)
+        self.assertLess(float(losses.depth_loss(truth, joints + torch.tensor([0.0, 0.0, 8.0]), known)), 1e-10)
+        self.assertGreater(float(losses.depth_loss(truth + 0.1, joints, known)), 0.009)
+
+    def test_joints_that_were_not_measured_teach_nothing(self):
+        data = scenes(2, 2)
+        batch = people.batch(data, 32, measured=[True, False])
+        count = len(batch.images)
+        middle, features = torch.randn(count, TINY.features // 2, 2, 2), torch.randn(count, TINY.features)
+        loss = self.auxiliary(middle, features, batch)
+        for scene, changes in ((0, True), (1, False)):
+            joints = batch.joints.clone()
+            joints[batch.views * scene, 5] += 1.0
+            moved = self.auxiliary(middle, features, replace(batch, joints=joints))
+            self.assertEqual(not torch.equal(moved, loss), changes, scene)
 
     def test_all_parts_learn(self):
         batch = people.batch(scenes(2, 2), 32)

@@ -94,6 +94,21 @@ class Loop(Folder):
         self.assertNotIn("pose", joints)
         self.assertLess(supervised["rotation_deg"], joints["rotation_deg"])
 
+    def test_joints_are_known_of_the_measured_folders_alone(self):
+        (self.folder / "laboratory").mkdir()
+        people_scenes.write(self.folder / "laboratory", 2)
+        folders = ["--data", str(self.folder / "data"), str(self.folder / "laboratory"), "-o", str(self.folder / "x.pt")]
+        with mock.patch.dict(regressor.SIZES, {"tiny": TINY}):
+            run = train_regressor.Training(
+                train_regressor.parse([*folders, "--size", "tiny", "--measured", str(self.folder / "laboratory")])
+            )
+        known = run.measured(np.arange(len(run.scenes)))
+        self.assertEqual(known, ["laboratory" in str(path) for path in run.scenes.paths])
+        self.assertEqual(sum(known), 2)
+        with self.assertRaises(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
+            train_regressor.parse([*folders, "--measured", "elsewhere"])
+        self.assertIn("elsewhere", said.getvalue())
+
     def test_truth_and_fits_do_not_supervise_at_once(self):
         arguments = ["--data", "data", "-o", "x.pt", "--supervised", "--fit-in-the-loop"]
         with self.assertRaises(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
