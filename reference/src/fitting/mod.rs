@@ -16,7 +16,7 @@
 //! [`keypoint_residuals`] (E_J; [`robust_loss`](crate::robust_loss) is ρ), [`prior`] (E_θ and others), [`energy`] (all stacked).
 //!
 //! The way down: [`start`] with its geometry ([`camera_init`], [`triangulation`], [`relative_pose`], [`eight_point`], [`resection`],
-//! [`inverse_kinematics`]); [`multiview_smplify`] runs the stages; [`polish`] ends them by empirical Bayes,
+//! [`inverse_kinematics`]); [`multiview_smplify`] runs them and the stages (`stages.rs`); [`polish`] ends them by empirical Bayes,
 //! from [`depth_flip`]s too where exact marks are nearly met.
 //!
 //! # Other chapters
@@ -47,6 +47,7 @@ pub mod relative_pose;
 pub mod resection;
 pub mod result;
 pub mod silhouette;
+mod stages;
 pub mod start;
 pub mod triangulation;
 pub mod verdict;
