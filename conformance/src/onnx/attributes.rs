@@ -1,7 +1,7 @@
 //! The attributes of a node, with ONNX's defaults and nothing guessed.
 
-use super::constant::Constant;
 use super::message::{AttributeProto, NodeProto};
+use super::typed_tensor::TypedTensor;
 
 /// A node's attributes; the errors name the attribute.
 #[derive(Clone, Copy, Debug)]
@@ -112,8 +112,8 @@ impl<'a> Attributes<'a> {
     ///
     /// # Errors
     /// When it is missing or cannot be read.
-    pub fn tensor(&self, name: &str) -> Result<Constant, String> {
+    pub fn tensor(&self, name: &str) -> Result<TypedTensor, String> {
         let tensor = self.get(name).and_then(|attribute| attribute.t.as_ref());
-        Constant::read(tensor.ok_or_else(|| format!("attribute \"{name}\" holds no tensor"))?)
+        TypedTensor::read(tensor.ok_or_else(|| format!("attribute \"{name}\" holds no tensor"))?)
     }
 }

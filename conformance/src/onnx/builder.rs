@@ -2,10 +2,11 @@
 
 use prost::Message as _;
 
+use super::element::ElementType;
 use super::message::{
-    AttributeKind, AttributeProto, DimensionProto, DimensionValue, ElementType, GraphProto, ModelProto,
-    NodeProto, OperatorSetIdProto, StringStringEntryProto, TensorProto, TensorShapeProto, TensorTypeProto,
-    TypeProto, ValueInfoProto,
+    AttributeKind, AttributeProto, DimensionProto, DimensionValue, GraphProto, ModelProto, NodeProto,
+    OperatorSetIdProto, StringStringEntryProto, TensorProto, TensorShapeProto, TensorTypeProto, TypeProto,
+    ValueInfoProto,
 };
 
 /// Container version of the graphs built: the oldest that knows every operator set up to 22.

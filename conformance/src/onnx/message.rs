@@ -3,8 +3,6 @@
 //! Fields that are not declared are skipped in reading. No message read from a file is written back, because what was
 //! skipped would be lost; see [`super::expose`] for the way to extend a file all the same.
 
-use std::fmt;
-
 /// A whole file: the graph, the operator sets it is written in, and its properties.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct ModelProto {
@@ -150,13 +148,13 @@ pub struct TensorProto {
     /// Shape; empty for a scalar.
     #[prost(int64, repeated, packed = "false", tag = "1")]
     pub dims: Vec<i64>,
-    /// Element type, one of [`ElementType`]'s numbers or a type that is not read here.
+    /// Element type, one of [`ElementType`](super::element::ElementType)'s numbers or a type that is not read here.
     #[prost(int32, optional, tag = "2")]
     pub data_type: Option<i32>,
     /// Elements of type f32.
     #[prost(float, repeated, tag = "4")]
     pub float_data: Vec<f32>,
-    /// Elements of type i32.
+    /// Elements of type i32, of all narrower integers, of truths, and the bits of 16-bit floats.
     #[prost(int32, repeated, tag = "5")]
     pub int32_data: Vec<i32>,
     /// Elements of type i64.
@@ -171,73 +169,15 @@ pub struct TensorProto {
     /// Elements of type f64.
     #[prost(double, repeated, tag = "10")]
     pub double_data: Vec<f64>,
+    /// Elements of types u32 and u64.
+    #[prost(uint64, repeated, tag = "11")]
+    pub uint64_data: Vec<u64>,
     /// Where the elements lie when not in this file.
     #[prost(message, repeated, tag = "13")]
     pub external_data: Vec<StringStringEntryProto>,
     /// 0: in this file; 1: in another, named by `external_data`.
     #[prost(int32, optional, tag = "14")]
     pub data_location: Option<i32>,
-}
-
-/// Element types that are read here, with ONNX's numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ElementType {
-    /// 32-bit float, number 1.
-    F32,
-    /// 32-bit integer, number 6.
-    I32,
-    /// 64-bit integer, number 7.
-    I64,
-    /// A truth, number 9.
-    Bool,
-    /// 64-bit float, number 11.
-    F64,
-}
-
-impl ElementType {
-    /// The type with this number, or `None` for a type that is not read here.
-    pub fn from_number(number: i32) -> Option<Self> {
-        match number {
-            1 => Some(Self::F32),
-            6 => Some(Self::I32),
-            7 => Some(Self::I64),
-            9 => Some(Self::Bool),
-            11 => Some(Self::F64),
-            _ => None,
-        }
-    }
-
-    /// ONNX's number.
-    pub fn number(self) -> i32 {
-        match self {
-            Self::F32 => 1,
-            Self::I32 => 6,
-            Self::I64 => 7,
-            Self::Bool => 9,
-            Self::F64 => 11,
-        }
-    }
-
-    /// Bytes per element.
-    pub fn size(self) -> usize {
-        match self {
-            Self::Bool => 1,
-            Self::F32 | Self::I32 => 4,
-            Self::I64 | Self::F64 => 8,
-        }
-    }
-}
-
-impl fmt::Display for ElementType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::F32 => "f32",
-            Self::I32 => "i32",
-            Self::I64 => "i64",
-            Self::Bool => "bool",
-            Self::F64 => "f64",
-        })
-    }
 }
 
 /// A tensor's name and, where known, its type and shape.
@@ -262,7 +202,7 @@ pub struct TypeProto {
 /// Element type and shape.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct TensorTypeProto {
-    /// Element type, see [`ElementType`].
+    /// Element type, see [`ElementType`](super::element::ElementType).
     #[prost(int32, optional, tag = "1")]
     pub elem_type: Option<i32>,
     /// Shape; absent when even the rank is unknown.

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`message`] | the container's messages, field for field |
 //! | [`model`] | a file read and checked: operators, constants, properties |
-//! | [`constant`] | a constant tensor's elements as numbers |
+//! | [`element`] | the types of elements, and what a float type holds |
+//! | [`typed_tensor`] | a tensor with elements of their own type |
 //! | [`attributes`] | the attributes of a node, with defaults and nothing guessed |
 //! | [`value`] | what a tensor of a graph holds |
 //! | [`walk`] | the operators by the reference |
@@ -13,9 +14,10 @@
 
 pub mod attributes;
 pub mod builder;
-pub mod constant;
+pub mod element;
 pub mod expose;
 pub mod message;
 pub mod model;
+pub mod typed_tensor;
 pub mod value;
 pub mod walk;

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use prost::Message as _;
 
-use super::constant::Constant;
 use super::message::{GraphProto, ModelProto, NodeProto};
+use super::typed_tensor::TypedTensor;
 use crate::error::{Error, Result};
 
 /// A graph as read from a file, with its bytes for whoever wants to run it.
@@ -130,7 +130,7 @@ impl Model {
     ///
     /// # Errors
     /// When a constant has no name or one that is taken, or its elements cannot be read; names the constant.
-    pub fn constants(&self) -> Result<BTreeMap<String, Constant>> {
+    pub fn constants(&self) -> Result<BTreeMap<String, TypedTensor>> {
         let mut constants = BTreeMap::new();
         for tensor in &self.graph.initializer {
             let name = tensor.name.clone().unwrap_or_default();
@@ -139,7 +139,7 @@ impl Model {
                 item: format!("initializer \"{name}\""),
                 message,
             };
-            let constant = Constant::read(tensor).map_err(error)?;
+            let constant = TypedTensor::read(tensor).map_err(error)?;
             if name.is_empty() {
                 return Err(error("has no name".into()));
             }

@@ -25,8 +25,9 @@ use crate::compare::{Comparison, Expected, Found, compare};
 use crate::engine::{self, Optimization};
 use crate::error::{Error, Result};
 use crate::onnx::builder::{GraphBuilder, int};
-use crate::onnx::message::{AttributeProto, ElementType, NodeProto};
-use crate::onnx::walk::{self, Value};
+use crate::onnx::element::ElementType;
+use crate::onnx::message::{AttributeProto, NodeProto};
+use crate::onnx::walk::{self, Data, Value};
 
 pub mod choice;
 pub mod convolution;
@@ -99,32 +100,35 @@ impl Problem {
     /// # Errors
     /// When the operator or an attribute is not understood.
     pub fn reference(&self) -> Result<Tensor<Rounded>> {
-        let operands: Vec<Value<Rounded>> = self
-            .operands
-            .iter()
-            .map(|operand| match operand {
-                Operand::Input(array) | Operand::Weight(array) => {
-                    Value::Numbers(exact(&array.shape, &array.values))
-                }
-                Operand::Integers(integers) => Value::Integers(integers.clone()),
-                Operand::Truths(truths) => Value::Truths(truths.clone()),
-            })
-            .collect();
-        let node = NodeProto {
-            op_type: Some(self.operator.into()),
-            attribute: self.attributes.clone(),
-            ..Default::default()
-        };
         let error = |message: String| Error::Onnx {
             graph: "problem".into(),
             item: format!("node {}", self.operator),
             message,
         };
-        let outputs = walk::evaluate(&node, &operands.iter().map(Some).collect::<Vec<_>>()).map_err(error)?;
-        match outputs.into_iter().nth(self.outputs() - 1) {
-            Some(Value::Numbers(tensor)) => Ok(tensor),
-            Some(Value::Integers(tensor)) => Ok(tensor.map(|i| Rounded::exact(i as f64))),
-            Some(Value::Truths(tensor)) => Ok(tensor.map(|t| Rounded::exact(f64::from(u8::from(t))))),
+        let operands: Vec<Value<Rounded>> = self
+            .operands
+            .iter()
+            .map(|operand| match operand {
+                Operand::Input(array) | Operand::Weight(array) => {
+                    Ok(Value::from_numbers(ElementType::F32, exact(&array.shape, &array.values)))
+                }
+                Operand::Integers(integers) => Value::from_integers(ElementType::I64, integers.clone()),
+                Operand::Truths(truths) => Ok(Value::from_truths(truths.clone())),
+            })
+            .collect::<std::result::Result<_, _>>()
+            .map_err(error)?;
+        let node = NodeProto {
+            op_type: Some(self.operator.into()),
+            output: (1..=self.outputs()).map(|k| format!("output_{k}")).collect(),
+            attribute: self.attributes.clone(),
+            ..Default::default()
+        };
+        let outputs =
+            walk::evaluate(&node, OPSET, &operands.iter().map(Some).collect::<Vec<_>>()).map_err(error)?;
+        match outputs.into_iter().flatten().last().map(|value| value.data) {
+            Some(Data::Numbers(tensor)) => Ok(tensor),
+            Some(Data::Integers(tensor)) => Ok(tensor.map(|i| Rounded::exact(i as f64))),
+            Some(Data::Truths(tensor)) => Ok(tensor.map(|t| Rounded::exact(f64::from(u8::from(t))))),
             None => Err(error("has fewer outputs than were expected".into())),
         }
     }

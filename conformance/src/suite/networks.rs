@@ -21,9 +21,10 @@ use crate::certificate::UNIT_ROUNDOFF;
 use crate::compare::{Comparison, Expected, Found, compare};
 use crate::engine::{self, Optimization};
 use crate::error::{Error, Result};
+use crate::onnx::element::ElementType;
 use crate::onnx::expose::expose;
 use crate::onnx::model::Model;
-use crate::onnx::walk::{self, Value};
+use crate::onnx::walk::{self, Data, Value};
 use crate::problem::{exact, expected};
 use crate::tolerance::{Kind, Tolerance};
 
@@ -46,10 +47,17 @@ pub struct NodeVerdict {
 /// # Errors
 /// When the graph cannot run, or a node is not understood; names the node's output.
 pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeVerdict>> {
-    let mut values: BTreeMap<String, Value<Rounded>> =
-        model.constants()?.iter().map(|(name, constant)| (name.clone(), Value::constant(constant))).collect();
+    let mut values: BTreeMap<String, Value<Rounded>> = BTreeMap::new();
+    for (name, constant) in model.constants()? {
+        let value = Value::of(&constant).map_err(|message| Error::Onnx {
+            graph: model.name().to_owned(),
+            item: format!("initializer \"{name}\""),
+            message,
+        })?;
+        values.insert(name, value);
+    }
     for (name, array) in inputs {
-        values.insert((*name).to_owned(), Value::Numbers(exact(&array.shape, &array.values)));
+        values.insert((*name).to_owned(), f32_value(&array.shape, &array.values));
     }
 
     // Constants are no results; everything else is asked for.
@@ -76,10 +84,11 @@ pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeV
             }
             operands.push(value);
         }
-        let answers = walk::evaluate(node, &operands).map_err(error)?;
+        let answers = walk::evaluate(node, model.opset(), &operands).map_err(error)?;
         for (tensor, answer) in node.output.iter().zip(answers) {
-            let own = match answer {
-                Value::Numbers(answer) if operator != "Constant" => {
+            let Some(answer) = answer else { continue };
+            let own = match answer.data {
+                Data::Numbers(answer) if operator != "Constant" => {
                     let found = found
                         .remove(tensor)
                         .ok_or_else(|| error(format!("the runtime gave no f32 tensor \"{tensor}\"")))?;
@@ -89,14 +98,19 @@ pub fn judge_nodes(model: &Model, inputs: &[(&str, &Array)]) -> Result<Vec<NodeV
                         operator: operator.clone(),
                         comparison,
                     });
-                    Value::Numbers(exact(&found.shape, &found.values))
+                    f32_value(&found.shape, &found.values)
                 }
-                unjudged => unjudged,
+                data => Value { element: answer.element, data },
             };
             values.insert(tensor.clone(), own);
         }
     }
     Ok(verdicts)
+}
+
+/// f32 numbers as exact operands.
+fn f32_value(shape: &[usize], values: &[f32]) -> Value<Rounded> {
+    Value::from_numbers(ElementType::F32, exact(shape, values))
 }
 
 /// The reference's forward pass of a graph's network, and how far rounding carries it.

@@ -6,7 +6,7 @@ use vitruvian_reference::nn::{
     instance_norm, matmul, max_pool, reduce_l2, reduce_mean, reduce_sum,
 };
 
-use super::{Answer, Attributes, Call, Value, axes};
+use super::{Answer, Attributes, Call, axes};
 
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
     let y = match call.operator {
@@ -27,7 +27,7 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
         "ReduceSum" => reduced(call, reduce_sum),
         _ => return None,
     };
-    Some(y.map(|y| vec![Value::Numbers(y)]))
+    Some(y.and_then(|y| Ok(vec![call.like(y)?])))
 }
 
 const WINDOW: &[&str] =

@@ -10,24 +10,37 @@
 //! | `choice` | compare, cast and choose |
 //! | `movement` | move elements and read shapes |
 //!
+//! `refusal` turns the reference's panics into errors.
+//!
 //! Axes and other settings that newer versions of an operator take as an operand, and older ones as an attribute, are
 //! understood in both ways.
 
+use std::ops::RangeInclusive;
+
 use vitruvian_reference::nn::{Scalar, Tensor};
 
+use self::refusal::caught;
 use super::attributes::Attributes;
 use super::message::NodeProto;
-pub use super::value::Value;
+pub use super::value::{Data, Value};
 
 mod arithmetic;
 mod choice;
 mod layers;
 mod movement;
+mod refusal;
+
+/// The most elements that an output may have: 2²⁸, which take 6 GB with their bounds.
+pub const LARGEST: usize = 1 << 28;
+
+/// The versions of ONNX's operators whose meaning is known here.
+pub const OPSETS: RangeInclusive<i64> = 7..=28;
 
 /// A node with its operands, as the dictionary reads it.
 struct Call<'a, T> {
     node: &'a NodeProto,
     operator: &'a str,
+    opset: i64,
     operands: &'a [Option<&'a Value<T>>],
 }
 
@@ -67,35 +80,84 @@ impl<'a, T: Scalar> Call<'a, T> {
             None => Ok(attributes.integers(name)),
         }
     }
-}
 
-/// A node's outputs, of those that are tensors of the values computed (not the masks and indices beside them); optional
-/// operands that are left out are `None`.
-///
-/// # Errors
-/// When the operator, an attribute or an operand's kind is not understood.
-///
-/// # Panics
-/// When the operands' shapes do not fit, as the reference's operators do.
-pub fn evaluate<T: Scalar>(
-    node: &NodeProto,
-    operands: &[Option<&Value<T>>],
-) -> Result<Vec<Value<T>>, String> {
-    let operator = node.op_type.as_deref().unwrap_or_default();
-    if !matches!(node.domain.as_deref(), None | Some("" | "ai.onnx")) {
-        return Err(format!("operator {operator} of domain {:?} is not known to the judge", node.domain));
-    }
-    let call = Call { node, operator, operands };
-    let families = [layers::evaluate, arithmetic::evaluate, choice::evaluate, movement::evaluate];
-    for family in families {
-        if let Some(outputs) = family(&call) {
-            return outputs.map_err(|why| format!("{operator}: {why}"));
+    /// Numbers of the element type of operand 0, as most operators give.
+    fn like(&self, numbers: Tensor<T>) -> Result<Value<T>, String> {
+        let element = self.operand(0)?.element;
+        if element.is_float() {
+            Ok(Value::from_numbers(element, numbers))
+        } else {
+            Err(format!("operand 0 is of {element}, a float type was expected"))
         }
     }
-    Err(format!("operator {operator} is not known to the judge"))
+
+    /// Whether the node asks for output `i`.
+    fn wants(&self, i: usize) -> bool {
+        self.node.output.get(i).is_some_and(|name| !name.is_empty())
+    }
 }
 
-/// What a family says of a node: nothing if it is another's, else its outputs or what is not understood.
+/// Refuses a shape of more than [`LARGEST`] elements before anything is allocated for it.
+fn room(shape: &[usize]) -> Result<(), String> {
+    let count = shape.iter().try_fold(1_usize, |count, &side| count.checked_mul(side.max(1)));
+    match count {
+        Some(count) if count <= LARGEST => Ok(()),
+        _ => Err(format!("an output of shape {shape:?} has more than {LARGEST} elements")),
+    }
+}
+
+/// The shape that two shapes have in common by ONNX's broadcasting, of no more than [`LARGEST`] elements.
+fn broadcast(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
+    let rank = a.len().max(b.len());
+    // Axes that are missing in front have length one.
+    let side = |shape: &[usize], axis: usize| (axis + shape.len()).checked_sub(rank).map_or(1, |k| shape[k]);
+    let shape = (0..rank).map(|axis| match (side(a, axis), side(b, axis)) {
+        (1, side) | (side, 1) => Ok(side),
+        (side, other) if side == other => Ok(side),
+        _ => Err(format!("shapes {a:?} and {b:?} do not broadcast")),
+    });
+    let shape = shape.collect::<Result<Vec<_>, _>>()?;
+    room(&shape)?;
+    Ok(shape)
+}
+
+/// A node's outputs, one per name in `node.output`: `None` where the node leaves it out. Optional operands that are left
+/// out are `None`.
+///
+/// The meaning is that of version `opset` of ONNX's operators.
+///
+/// # Errors
+/// When the operator, its version, an attribute or an operand's kind is not understood, the operands' shapes do not fit,
+/// or an output would have more than [`LARGEST`] elements.
+pub fn evaluate<T: Scalar>(
+    node: &NodeProto,
+    opset: i64,
+    operands: &[Option<&Value<T>>],
+) -> Result<Vec<Option<Value<T>>>, String> {
+    let operator = node.op_type.as_deref().unwrap_or_default();
+    if !matches!(node.domain.as_deref(), None | Some("" | "ai.onnx")) {
+        let domain = node.domain.as_deref().unwrap_or_default();
+        return Err(format!("operator {operator} of domain \"{domain}\" is not known to the judge"));
+    }
+    if !OPSETS.contains(&opset) {
+        let (first, last) = (OPSETS.start(), OPSETS.end());
+        return Err(format!("operator {operator} of opset {opset}; opsets {first} to {last} are known"));
+    }
+    let call = Call { node, operator, opset, operands };
+    let families = [layers::evaluate, arithmetic::evaluate, choice::evaluate, movement::evaluate];
+    // The reference's operators panic where shapes do not fit: there it is a caller's mistake, here the file's.
+    let answer =
+        caught(|| families.iter().find_map(|family| family(&call))).unwrap_or_else(|why| Some(Err(why)));
+    let outputs = answer.unwrap_or_else(|| Err("the operator is not known to the judge".into()));
+    let outputs = outputs.map_err(|why| format!("{operator}: {why}"))?;
+    if let Some(more) = node.output.get(outputs.len()..).and_then(<[String]>::first) {
+        return Err(format!("{operator}: output \"{more}\" is one more than the operator has"));
+    }
+    let asked = |(name, value): (&String, Value<T>)| (!name.is_empty()).then_some(value);
+    Ok(node.output.iter().zip(outputs).map(asked).collect())
+}
+
+/// What a family says of a node: nothing if it is another's, else all outputs of the operator or what is not understood.
 type Answer<T> = Option<Result<Vec<Value<T>>, String>>;
 
 /// A negative axis or place counts from the end.
@@ -122,6 +184,7 @@ fn lengths(list: &[i64]) -> Result<Vec<usize>, String> {
 mod tests {
     use super::*;
     use crate::onnx::builder::{GraphBuilder, int};
+    use crate::onnx::element::ElementType;
     use crate::onnx::model::Model;
 
     pub(super) fn node(operator: &str, attributes: Vec<crate::onnx::message::AttributeProto>) -> NodeProto {
@@ -132,10 +195,10 @@ mod tests {
 
     #[test]
     fn what_is_not_understood_is_refused_by_name() {
-        let x: Value = Value::Numbers(Tensor::new(&[2], vec![1.0, 2.0]));
-        let why = |node: &NodeProto| evaluate(node, &[Some(&x)]).expect_err("refused");
+        let x: Value = Value::from_numbers(ElementType::F32, Tensor::new(&[2], vec![1.0, 2.0]));
+        let why = |node: &NodeProto| evaluate(node, 21, &[Some(&x)]).expect_err("refused");
         let unknown = why(&node("Erf", vec![]));
-        assert!(unknown.contains("operator Erf"), "{unknown}");
+        assert!(unknown.contains("Erf: the operator is not known"), "{unknown}");
         let attribute = why(&node("LeakyRelu", vec![int("beta", 1)]));
         assert!(attribute.contains("LeakyRelu: attribute \"beta\""), "{attribute}");
         let missing = why(&node("Add", vec![]));
@@ -144,5 +207,27 @@ mod tests {
         foreign.domain = Some("com.microsoft".into());
         let domain = why(&foreign);
         assert!(domain.contains("com.microsoft"), "{domain}");
+        let old = evaluate(&node("Relu", vec![]), 6, &[Some(&x)]).expect_err("refused");
+        assert!(old.contains("opset 6; opsets 7 to 28"), "{old}");
+    }
+
+    #[test]
+    fn shapes_that_do_not_fit_are_an_error_and_not_a_panic() {
+        let x: Value = Value::from_numbers(ElementType::F32, Tensor::new(&[2], vec![1.0, 2.0]));
+        let y: Value = Value::from_numbers(ElementType::F32, Tensor::new(&[3], vec![1.0, 2.0, 3.0]));
+        let why = evaluate(&node("Add", vec![]), 21, &[Some(&x), Some(&y)]).expect_err("refused");
+        assert!(why.contains("[2]") && why.contains("[3]"), "{why}");
+    }
+
+    #[test]
+    fn outputs_are_given_by_name() {
+        let x: Value = Value::from_numbers(ElementType::F32, Tensor::new(&[2], vec![1.0, 2.0]));
+        let mut split = node("Split", vec![int("num_outputs", 2)]);
+        split.output = vec![String::new(), "second".into()];
+        let outputs = evaluate(&split, 21, &[Some(&x)]).expect("outputs");
+        assert!(outputs[0].is_none() && outputs[1].is_some(), "{outputs:?}");
+        let mut relu = node("Relu", vec![]);
+        relu.output.push("more".into());
+        assert!(evaluate(&relu, 21, &[Some(&x)]).expect_err("refused").contains("\"more\""), "too many");
     }
 }

@@ -4,8 +4,9 @@ use vitruvian_reference::nn::{
     Scalar, Tensor, concat, expand, gather, scatter_elements, scatter_nd, tile, transpose,
 };
 
-use super::{Answer, Call, Value, axes, axis, lengths};
-use crate::onnx::constant::Constant;
+use super::{Answer, Call, Value, axes, axis, broadcast, lengths, room};
+use crate::onnx::element::ElementType;
+use crate::onnx::typed_tensor::TypedTensor;
 
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
     let y = match call.operator {
@@ -14,7 +15,11 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
         "ConstantOfShape" => filled(call),
         // Dropout does nothing at inference.
         "Dropout" | "Identity" => call.operand(0).cloned(),
-        "Expand" => moved(call, |x| Ok(expand(x, &lengths(&call.integers(1)?.data)?))),
+        "Expand" => moved(call, |x| {
+            let shape = lengths(&call.integers(1)?.data)?;
+            room(&broadcast(&x.shape, &shape)?)?;
+            Ok(expand(x, &shape))
+        }),
         "Flatten" => moved(call, |x| {
             let at = call.attributes(&["axis"])?.int("axis", 1);
             // An axis may also stand behind the last.
@@ -34,7 +39,12 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
         "Slice" => sliced(call),
         "Split" => return Some(split(call)),
         "Squeeze" => squeezed(call),
-        "Tile" => moved(call, |x| Ok(tile(x, &lengths(&call.integers(1)?.data)?))),
+        "Tile" => moved(call, |x| {
+            let repeats = lengths(&call.integers(1)?.data)?;
+            let sides = x.shape.iter().zip(&repeats).map(|(&side, &times)| side.saturating_mul(times));
+            room(&sides.collect::<Vec<_>>())?;
+            Ok(tile(x, &repeats))
+        }),
         "Transpose" => moved(call, |x| {
             let reversed: Vec<usize> = (0..x.rank()).rev().collect();
             match call.attributes(&["perm"])?.counts("perm", x.rank(), usize::MAX)? {
@@ -66,26 +76,33 @@ fn concatenated<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
 fn constant<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
     let known = ["value", "value_float", "value_floats", "value_int", "value_ints"];
     let attributes = call.attributes(&known)?;
-    let exact = |x: f32| T::exact(x.into());
+    let floats = |shape: &[usize], list: &[f32]| {
+        let exact = list.iter().map(|&x| T::exact(x.into())).collect();
+        Value::from_numbers(ElementType::F32, Tensor::new(shape, exact))
+    };
     if let Some(list) = attributes.integers("value_ints") {
         Ok(Value::list(list))
     } else if attributes.has("value_int") {
-        Ok(Value::Integers(Tensor::new(&[], vec![attributes.int("value_int", 0)])))
+        Value::from_integers(ElementType::I64, Tensor::new(&[], vec![attributes.int("value_int", 0)]))
     } else if let Some(list) = attributes.floats("value_floats") {
-        Ok(Value::Numbers(Tensor::new(&[list.len()], list.iter().copied().map(exact).collect())))
+        Ok(floats(&[list.len()], list))
     } else if attributes.has("value_float") {
-        Ok(Value::Numbers(Tensor::new(&[], vec![T::exact(attributes.float("value_float", 0.0))])))
+        Ok(floats(&[], &[attributes.float("value_float", 0.0) as f32]))
     } else {
-        Ok(Value::constant(&attributes.tensor("value")?))
+        Value::of(&attributes.tensor("value")?)
     }
 }
 
 fn filled<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
     let attributes = call.attributes(&["value"])?;
     let shape = lengths(&call.integers(0)?.data)?;
+    room(&shape)?;
     let element = match attributes.has("value") {
-        true => Value::constant(&Constant { shape: Vec::new(), ..attributes.tensor("value")? }),
-        false => Value::Numbers(Tensor::new(&[], vec![T::ZERO])),
+        true => {
+            let value = attributes.tensor("value")?;
+            Value::of(&TypedTensor::new(&[], value.elements)?)?
+        }
+        false => Value::from_numbers(ElementType::F32, Tensor::new(&[], vec![T::ZERO])),
     };
     Value::arranged(&[&element], |places| Ok(expand(&places[0], &shape)))
 }
@@ -111,6 +128,8 @@ fn range<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
     if delta == 0 {
         return Err("a step of 0 never ends".into());
     }
+    let steps = (i128::from(limit) - i128::from(start)) / i128::from(delta);
+    room(&[usize::try_from(steps.max(0)).unwrap_or(usize::MAX)])?;
     let reached = |i: &i64| if delta > 0 { *i < limit } else { *i > limit };
     Ok(Value::list(
         std::iter::successors(Some(start), |i| i.checked_add(delta)).take_while(reached).collect(),
