@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use vitruvian_conformance::audit::report::Grade;
+use vitruvian_conformance::error::Error as JudgeError;
 use vitruvian_runtime::error::Error;
 
 /// A command's failure.
@@ -16,15 +18,35 @@ pub enum Failure {
     /// A verdict that was asked for is negative.
     #[error("{0}")]
     Negative(String),
+    /// The judge could not read or compare what it was given.
+    #[error(transparent)]
+    Judge(#[from] JudgeError),
+    /// An audit ended with a grade that is not ordinary rounding.
+    #[error("{words}")]
+    Audit {
+        /// The audit's verdict.
+        grade: Grade,
+        /// What is wrong and where.
+        words: String,
+    },
 }
 
 impl Failure {
-    /// 1 for a negative verdict, 2 for bad input or usage, 3 for a missing component.
+    /// 1 for a negative verdict, 2 for bad input or usage, 3 for a missing component; of an audit 1 for unusual rounding, 4 for what
+    /// cannot be rounding, 5 for what could not be compared.
     pub fn exit_status(&self) -> u8 {
         match self {
             Failure::Runtime(error) => error.exit_status(),
             Failure::Usage(_) => 2,
             Failure::Negative(_) => 1,
+            Failure::Judge(JudgeError::Runtime(error)) => error.exit_status(),
+            Failure::Judge(JudgeError::Io { .. } | JudgeError::Onnx { .. }) => 2,
+            Failure::Audit { grade, .. } => match grade {
+                Grade::G0 | Grade::G1 => 0,
+                Grade::G2 => 1,
+                Grade::G3 => 4,
+                Grade::NotComparable => 5,
+            },
         }
     }
 }

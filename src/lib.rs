@@ -4,6 +4,7 @@
 //! A library so that `examples/` and `benches/` meet the same bodies and scenes as the command; what it promises to others
 //! are the crates below it.
 
+pub mod audit;
 pub mod body;
 mod captures;
 pub mod chart;
@@ -31,7 +32,7 @@ use clap::{Parser, Subcommand};
 /// 3-D human bodies from images: reconstruct, measure, synthesise.
 ///
 /// Results go to files; progress and words to standard error; tables and --json to standard output.
-/// Exit status: 0 done, 1 the verdict is negative, 2 bad input or usage, 3 a needed component is missing.
+/// Exit status: 0 done, 1 the verdict is negative, 2 bad input or usage, 3 a needed component is missing; of audits also 4 and 5.
 #[derive(Parser)]
 #[command(version, max_term_width = 110)]
 struct Arguments {
@@ -42,6 +43,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Demo(demo::Arguments),
+    Audit(audit::Arguments),
     Fit(fit::Arguments),
     Reconstruct(reconstruct::Arguments),
     Regress(regress::Arguments),
@@ -56,6 +58,7 @@ enum Command {
 /// The command: reads the arguments of the process, does what they say, and gives the exit status.
 pub fn run() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Audit(arguments) => audit::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),

@@ -1,0 +1,37 @@
+//! `vitruvian audit`: whether an exported graph's numbers can be rounding, where they stop being it, and why.
+
+pub mod answers;
+mod blame;
+pub mod destinations;
+pub mod figures;
+pub mod junit;
+pub mod page;
+#[cfg(test)]
+mod samples;
+pub mod terminal;
+
+use clap::Subcommand;
+
+use crate::failure::Result;
+
+/// Certify an exported graph: every node judged by what rounding can do
+///
+/// Exit status: 0 ordinary rounding (G0, G1), 1 unusual (G2), 2 bad input or usage, 3 a needed component is missing, 4 more than any
+/// rounding can make (G3), 5 not wholly comparable.
+#[derive(clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Blame(blame::Arguments),
+}
+
+/// Does what the verb says.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    match &arguments.verb {
+        Verb::Blame(arguments) => blame::run(arguments),
+    }
+}
