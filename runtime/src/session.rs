@@ -20,7 +20,7 @@ use ort::environment::Environment;
 use ort::logging::LogLevel;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::session::{OutputSelector, RunOptions};
-use ort::value::{DynValue, Outlet, TensorElementType, TensorRef, ValueType};
+use ort::value::{DynValue, Outlet, PrimitiveTensorElementType, Tensor, TensorElementType, TensorRef, ValueType};
 
 use crate::error::{Error, Result};
 use crate::library;
@@ -119,6 +119,11 @@ impl TensorInfo {
     }
 }
 
+/// What a tensor can hold: f32, f64, `half::f16`, `half::bf16`, integers of 8 to 64 bits with and without sign, `bool`.
+pub trait Number: PrimitiveTensorElementType + Clone + std::fmt::Debug + 'static {}
+
+impl<T: PrimitiveTensorElementType + Clone + std::fmt::Debug + 'static> Number for T {}
+
 /// A tensor that ONNX Runtime holds: an output, ready to be an input.
 #[derive(Debug)]
 pub struct Value {
@@ -128,6 +133,21 @@ pub struct Value {
 }
 
 impl Value {
+    /// A tensor of any element type, which takes the numbers over; `name` stands for it in messages.
+    ///
+    /// # Errors
+    /// [`Error::Graph`] when the shape does not fit the numbers, [`Error::Missing`] without ONNX Runtime.
+    pub fn new<T: Number>(name: &str, shape: &[usize], numbers: Vec<T>) -> Result<Value> {
+        library::environment()?;
+        let origin = (PathBuf::from(name), "tensor".to_string());
+        let fault = |message: String| Error::Graph { path: origin.0.clone(), item: origin.1.clone(), message };
+        let count = numbers.len();
+        let array = Array::from_shape_vec(shape, numbers)
+            .map_err(|_| fault(format!("shape {shape:?} does not fit {count} numbers")))?;
+        let value = Tensor::from_array(array).map_err(|error| fault(first_line(error.message())))?.into_dyn();
+        Ok(Value { value, origin })
+    }
+
     /// Its shape.
     pub fn shape(&self) -> Vec<usize> {
         match self.value.dtype() {
@@ -160,10 +180,15 @@ impl Value {
         self.view(TensorElementType::Int64)
     }
 
-    fn view<T: ort::value::PrimitiveTensorElementType>(
-        &self,
-        wanted: TensorElementType,
-    ) -> Result<ArrayViewD<'_, T>> {
+    /// Its numbers as `T`, without a copy.
+    ///
+    /// # Errors
+    /// [`Error::Graph`] when it holds another type.
+    pub fn numbers<T: Number>(&self) -> Result<ArrayViewD<'_, T>> {
+        self.view(T::into_tensor_element_type())
+    }
+
+    fn view<T: Number>(&self, wanted: TensorElementType) -> Result<ArrayViewD<'_, T>> {
         self.value.try_extract_array::<T>().map_err(|_| Error::Graph {
             path: self.origin.0.clone(),
             item: self.origin.1.clone(),
@@ -550,6 +575,24 @@ mod tests {
         let again = session
             .run(&[("a", (&values[1]).into()), ("b", (&b).into()), ("index", (&values[0]).into())], &["sum"]);
         assert_eq!(again.expect("valid inputs")[0].f32().expect("f32"), (&a + &b + &b).view().into_dyn());
+    }
+
+    #[test]
+    fn every_element_type_goes_in_and_comes_out() {
+        fn passes<T: Number + PartialEq>(numbers: Vec<T>) {
+            let value = Value::new("given", &[numbers.len()], numbers.clone()).expect("a tensor");
+            let back: Vec<T> = value.numbers::<T>().expect("its own type").iter().cloned().collect();
+            assert_eq!(back, numbers, "{}", value.element());
+        }
+        passes(vec![half::f16::from_f32(0.5), half::f16::INFINITY]);
+        passes(vec![half::bf16::from_f32(-3.0)]);
+        passes(vec![1.5_f64]);
+        passes(vec![-7_i8]);
+        passes(vec![u64::MAX]);
+        passes(vec![true, false]);
+        passes(Vec::<f32>::new());
+        assert!(Value::new("given", &[3], vec![1_i32]).is_err(), "a shape that does not fit");
+        assert!(Value::new("given", &[1], vec![1_i32]).expect("a tensor").f32().is_err(), "another type");
     }
 
     #[test]
