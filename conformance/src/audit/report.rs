@@ -245,6 +245,9 @@ pub struct Special {
     pub subnormal_found: u64,
     /// Subnormal numbers by the reference, in the tensor's precision.
     pub subnormal_expected: u64,
+    /// Zeros in the second party's tensor for numbers too small to be normal, accepted.
+    #[serde(default)]
+    pub flushed: u64,
 }
 
 /// How much of the graph was compared.

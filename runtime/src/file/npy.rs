@@ -214,6 +214,45 @@ pub fn parse<T: Element>(bytes: &[u8]) -> std::result::Result<Array<T>, String> 
     Ok(Array { shape, values })
 }
 
+/// An array as it is stored, of whatever type.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raw {
+    /// The type without the byte order, such as `f2`, `i8` or `V2`.
+    pub kind: String,
+    /// The length of every axis; empty for a scalar.
+    pub shape: Vec<usize>,
+    /// The elements, little-endian, in C order.
+    pub bytes: Vec<u8>,
+}
+
+/// Reads the array from the bytes of a `.npy` as it is stored.
+///
+/// # Errors
+/// One sentence: what was found and what was expected.
+pub fn parse_raw(bytes: &[u8]) -> std::result::Result<Raw, String> {
+    let (header, data) = split(bytes)?;
+    let description = entry(header, "descr")?.trim_matches(['\'', '"']);
+    let (order, kind) = description.split_at_checked(1).unwrap_or(("", description));
+    let size: usize = kind
+        .get(1..)
+        .and_then(|digits| digits.parse().ok())
+        .filter(|size| (1..=16).contains(size) && !kind.starts_with(['U', 'O']))
+        .ok_or_else(|| format!("holds values of type '{description}'; expected plain numbers"))?;
+    if order == ">" && size > 1 {
+        return Err(format!("holds big-endian numbers ({description}); convert with .astype('<{kind}')"));
+    }
+    let shape = shape(entry(header, "shape")?)?;
+    check_size(&shape, size, data)?;
+    let fortran = entry(header, "fortran_order")? == "True" && shape.len() > 1;
+    let bytes = if fortran {
+        let elements: Vec<&[u8]> = data.chunks_exact(size).collect();
+        to_c_order(&elements, &shape).concat()
+    } else {
+        data.to_vec()
+    };
+    Ok(Raw { kind: kind.to_owned(), shape, bytes })
+}
+
 /// Reads a list of texts (`<U`) from the bytes of a `.npy` with one axis.
 ///
 /// # Errors
@@ -376,6 +415,15 @@ mod tests {
     fn fortran_order_becomes_c_order() {
         let a: Array<f64> = parse(&fortran_2x3()).unwrap();
         assert_eq!((a.shape, a.values), (vec![2, 3], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    }
+
+    #[test]
+    fn the_stored_bytes_are_those_of_the_numbers_in_c_order() {
+        let raw = parse_raw(&fortran_2x3()).unwrap();
+        let bytes: Vec<u8> = (1i32..=6).flat_map(i32::to_le_bytes).collect();
+        assert_eq!(raw, Raw { kind: "i4".into(), shape: vec![2, 3], bytes });
+        let text = encode(&[1], Values::Text(&["ab".into()]));
+        assert!(parse_raw(&text).unwrap_err().contains("expected plain numbers"));
     }
 
     #[test]

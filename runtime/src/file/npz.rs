@@ -1,30 +1,30 @@
 //! NumPy's `.npz`: a zip archive of named `.npy` arrays, stored or deflated.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Cursor, Read, Write};
+use std::io::{self, BufReader, BufWriter, Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use super::npy::{self, Array, Element, Values};
-use super::{atomic, read_bytes};
+use super::atomic;
 use crate::error::{Error, Result};
 
 /// An archive that was opened; arrays are unpacked when asked for.
 pub struct Npz {
     path: PathBuf,
-    archive: ZipArchive<Cursor<Vec<u8>>>,
+    archive: ZipArchive<BufReader<File>>,
 }
 
 impl Npz {
     /// Opens the archive at `path`.
     ///
     /// # Errors
-    /// The file cannot be read, is larger than 1 GiB, or is no zip archive.
+    /// The file cannot be read, or is no zip archive.
     pub fn open(path: &Path) -> Result<Npz> {
-        let bytes = read_bytes(path, npy::MAX_BYTES)?;
-        let archive = ZipArchive::new(Cursor::new(bytes))
+        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let archive = ZipArchive::new(BufReader::new(file))
             .map_err(|e| Error::file(path, format!("is no .npz archive: {e}; write it with numpy.savez")))?;
         Ok(Npz { path: path.to_owned(), archive })
     }
@@ -45,6 +45,19 @@ impl Npz {
     /// There is no such array (the message lists those there are), or it is damaged or no array of numbers.
     pub fn array<T: Element>(&mut self, name: &str) -> Result<Array<T>> {
         self.parsed(name, npy::parse)
+    }
+
+    /// The array `name` as it is stored.
+    ///
+    /// # Errors
+    /// As [`Npz::array`].
+    pub fn raw(&mut self, name: &str) -> Result<npy::Raw> {
+        self.parsed(name, npy::parse_raw)
+    }
+
+    /// Bytes that the array `name` claims to unpack to, with its header; 0 where there is none.
+    pub fn claimed_bytes(&mut self, name: &str) -> u64 {
+        self.archive.by_name(&format!("{name}.npy")).map_or(0, |entry| entry.size())
     }
 
     /// The list of texts `name`.
@@ -249,6 +262,17 @@ mod tests {
         let first = std::fs::read(&path).unwrap();
         sample(&path);
         assert_eq!(first, std::fs::read(&path).unwrap(), "same arrays, same bytes");
+    }
+
+    #[test]
+    fn an_array_of_any_type_is_read_as_it_is_stored() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npz");
+        sample(&path);
+        let mut npz = Npz::open(&path).unwrap();
+        let raw = npz.raw("f").unwrap();
+        assert_eq!((raw.kind.as_str(), &raw.shape[..], raw.bytes.len()), ("u4", &[3][..], 12));
+        assert!(npz.claimed_bytes("poses") > 32 && npz.claimed_bytes("g") == 0);
     }
 
     #[test]
