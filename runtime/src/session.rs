@@ -20,7 +20,9 @@ use ort::environment::Environment;
 use ort::logging::LogLevel;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::session::{OutputSelector, RunOptions};
-use ort::value::{DynValue, Outlet, PrimitiveTensorElementType, Tensor, TensorElementType, TensorRef, ValueType};
+use ort::value::{
+    DynValue, Outlet, PrimitiveTensorElementType, Tensor, TensorElementType, TensorRef, ValueType,
+};
 
 use crate::error::{Error, Result};
 use crate::library;
@@ -140,7 +142,8 @@ impl Value {
     pub fn new<T: Number>(name: &str, shape: &[usize], numbers: Vec<T>) -> Result<Value> {
         library::environment()?;
         let origin = (PathBuf::from(name), "tensor".to_string());
-        let fault = |message: String| Error::Graph { path: origin.0.clone(), item: origin.1.clone(), message };
+        let fault =
+            |message: String| Error::Graph { path: origin.0.clone(), item: origin.1.clone(), message };
         let count = numbers.len();
         let array = Array::from_shape_vec(shape, numbers)
             .map_err(|_| fault(format!("shape {shape:?} does not fit {count} numbers")))?;

@@ -17,7 +17,17 @@ const ROUNDINGS: f64 = 4.0;
 
 /// Operators whose result jumps where an operand crosses another or an integer.
 const JUMPING: [&str; 11] = [
-    "Cast", "Ceil", "Equal", "Floor", "Greater", "GreaterOrEqual", "Less", "LessOrEqual", "Mod", "Round", "Sign",
+    "Cast",
+    "Ceil",
+    "Equal",
+    "Floor",
+    "Greater",
+    "GreaterOrEqual",
+    "Less",
+    "LessOrEqual",
+    "Mod",
+    "Round",
+    "Sign",
 ];
 
 /// An operand that decides, and how far each of its numbers may be off.

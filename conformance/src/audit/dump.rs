@@ -110,7 +110,9 @@ fn typed(raw: Raw) -> std::result::Result<TypedTensor, String> {
         "u8" => ElementType::U64,
         "b1" => ElementType::Bool,
         other => {
-            return Err(format!("holds values of type '{other}'; expected f2, f4, f8, V2 (bf16), integers or b1"));
+            return Err(format!(
+                "holds values of type '{other}'; expected f2, f4, f8, V2 (bf16), integers or b1"
+            ));
         }
     };
     TypedTensor::from_bytes(element, &raw.shape, &raw.bytes)

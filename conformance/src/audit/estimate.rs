@@ -60,7 +60,8 @@ pub(super) fn output_shapes(
     let all: Vec<&[usize]> = (0..node.input.len()).filter_map(operand).collect();
     let largest = all.iter().max_by_key(|shape| shape.iter().product::<usize>()).copied().unwrap_or(&[1]);
     let x = operand(0).unwrap_or(largest);
-    let stride = |axis: usize| ints(node, "strides").and_then(|s| s.get(axis)).map_or(1, |&s| s.max(1) as usize);
+    let stride =
+        |axis: usize| ints(node, "strides").and_then(|s| s.get(axis)).map_or(1, |&s| s.max(1) as usize);
     let shape = match node.op_type.as_deref().unwrap_or_default() {
         "Conv" | "ConvInteger" | "QLinearConv" if x.len() > 2 => {
             let weights = if node.op_type.as_deref() == Some("QLinearConv") { 3 } else { 1 };
@@ -84,11 +85,17 @@ pub(super) fn output_shapes(
         "Resize" | "Upsample" => {
             let factors = scales(held, node.input.get(2)).or_else(|| scales(held, node.input.get(1)));
             match (list(held, node.input.get(3)), factors) {
-                (Some(sizes), _) if sizes.len() == x.len() => sizes.iter().map(|&s| s.max(0) as usize).collect(),
-                (_, Some(factors)) if factors.len() == x.len() => {
-                    x.iter().zip(factors).map(|(&side, f)| (side as f32 * f.max(0.0)).ceil() as usize).collect()
+                (Some(sizes), _) if sizes.len() == x.len() => {
+                    sizes.iter().map(|&s| s.max(0) as usize).collect()
                 }
-                _ => x.iter().enumerate().map(|(axis, &side)| if axis < 2 { side } else { 2 * side }).collect(),
+                (_, Some(factors)) if factors.len() == x.len() => x
+                    .iter()
+                    .zip(factors)
+                    .map(|(&side, f)| (side as f32 * f.max(0.0)).ceil() as usize)
+                    .collect(),
+                _ => {
+                    x.iter().enumerate().map(|(axis, &side)| if axis < 2 { side } else { 2 * side }).collect()
+                }
             }
         }
         "GridSample" if x.len() > 2 => {
@@ -100,7 +107,8 @@ pub(super) fn output_shapes(
             let transposed = int(node, "transB", 0) == 1;
             let b = operand(1).unwrap_or(&[1]);
             let columns = if transposed { b.first() } else { b.last() };
-            let mut shape = if int(node, "transA", 0) == 1 { x.iter().rev().copied().collect() } else { x.to_vec() };
+            let mut shape =
+                if int(node, "transA", 0) == 1 { x.iter().rev().copied().collect() } else { x.to_vec() };
             if let (Some(last), Some(&columns)) = (shape.last_mut(), columns) {
                 *last = columns;
             }

@@ -9,8 +9,9 @@ use super::case::Case;
 use super::node::Node;
 use super::party::{Held, Tensors};
 use super::report::{Coverage, Grade, NodeReport, Outside, Unsupported, WorstElement};
-use crate::onnx::typed_tensor::TypedTensor;
-use crate::onnx::value::Value;
+use crate::onnx::element::ElementType;
+use crate::onnx::typed_tensor::{Elements, TypedTensor};
+use crate::onnx::value::{Data, Value};
 
 /// Elements of the largest tensor that is filled in: each takes 24 bytes.
 const LARGEST_FILLED_IN: usize = 1 << 24;
@@ -57,7 +58,8 @@ impl Findings {
         }
         let behind: Vec<usize> =
             derived.iter().filter_map(|name| self.waiting.get(name)).flatten().copied().collect();
-        let lacking: Vec<&String> = report.outputs.iter().filter(|name| missing.contains_key(*name)).collect();
+        let lacking: Vec<&String> =
+            report.outputs.iter().filter(|name| missing.contains_key(*name)).collect();
         if !lacking.is_empty() && report.op == "Constant" && judgement.verdict != Grade::NotComparable {
             // What the file itself says; nobody computes it.
             for (name, value) in report.outputs.iter().zip(judgement.derived) {
@@ -72,7 +74,8 @@ impl Findings {
             }
             let mut behind = behind;
             behind.push(index);
-            for (k, name) in report.outputs.iter().enumerate().filter(|(_, name)| missing.contains_key(*name)) {
+            for (k, name) in report.outputs.iter().enumerate().filter(|(_, name)| missing.contains_key(*name))
+            {
                 self.missing.push(name.clone());
                 let value = judgement.derived.get(k).cloned().flatten();
                 let stand_in = match value {
@@ -200,7 +203,41 @@ impl Findings {
     }
 }
 
-/// The reference's tensor as its type holds it.
+/// The reference's tensor as its type holds it; `None` where the type cannot.
 fn rounded(value: &Value<Rounded>) -> Option<TypedTensor> {
-    TypedTensor::of(value).ok()
+    let element = value.element;
+    let elements = match &value.data {
+        Data::Truths(truths) => Elements::Bool(truths.data.clone()),
+        Data::Integers(integers) => integers_of(element, &integers.data)?,
+        Data::Numbers(numbers) => {
+            let all = numbers.data.iter().map(|x| element.round(x.value));
+            match element {
+                ElementType::F32 => Elements::F32(all.map(|x| x as f32).collect()),
+                ElementType::F64 => Elements::F64(all.collect()),
+                ElementType::F16 => Elements::F16(all.map(half::f16::from_f64).collect()),
+                ElementType::Bf16 => Elements::Bf16(all.map(half::bf16::from_f64).collect()),
+                _ => return None,
+            }
+        }
+    };
+    Some(TypedTensor { shape: value.shape().to_vec(), elements })
+}
+
+fn integers_of(element: ElementType, integers: &[i64]) -> Option<Elements> {
+    fn all<E: TryFrom<i64>>(integers: &[i64]) -> Option<Vec<E>> {
+        integers.iter().map(|&i| E::try_from(i).ok()).collect()
+    }
+    Some(match element {
+        ElementType::I8 => Elements::I8(all(integers)?),
+        ElementType::U8 => Elements::U8(all(integers)?),
+        ElementType::I16 => Elements::I16(all(integers)?),
+        ElementType::U16 => Elements::U16(all(integers)?),
+        ElementType::I32 => Elements::I32(all(integers)?),
+        ElementType::U32 => Elements::U32(all(integers)?),
+        ElementType::I64 => Elements::I64(integers.to_vec()),
+        ElementType::U64 => Elements::U64(all(integers)?),
+        ElementType::F32 | ElementType::F64 | ElementType::F16 | ElementType::Bf16 | ElementType::Bool => {
+            return None;
+        }
+    })
 }

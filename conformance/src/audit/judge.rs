@@ -136,8 +136,9 @@ fn read(view: &View, reading: Reading, meaning: &Meaning) -> Judgement {
         let mut measure = Measure::new(expected.element, found.len());
         let mut places = compare(&mut measure, &expected, found, None);
         if measure.verdict() == Verdict::Different {
-            let others = others
-                .get_or_insert_with(|| discontinuity::other_outcomes(view.node, view.opset, &operands, meaning));
+            let others = others.get_or_insert_with(|| {
+                discontinuity::other_outcomes(view.node, view.opset, &operands, meaning)
+            });
             let others: Vec<&Value<Rounded>> =
                 others.iter().filter_map(|outcome| outcome.get(k)?.as_ref()).collect();
             if !others.is_empty() {
@@ -291,6 +292,3 @@ fn groups(view: &View, shape: &[usize]) -> Option<usize> {
         _ => None,
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -133,14 +133,20 @@ impl Measure {
         self.value_squares += value * value;
         if value != 0.0 && Deviation::key(value).is_multiple_of(self.thinning) {
             let (error, value) = (error / unit, value / unit);
-            self.deviations.push(Deviation { key: expected.value.to_bits(), error, value, terms: expected.terms });
+            self.deviations.push(Deviation {
+                key: expected.value.to_bits(),
+                error,
+                value,
+                terms: expected.terms,
+            });
         }
     }
 
     /// Compares one element of a tensor of integers or truths.
     pub fn integer(&mut self, place: usize, found: i128, expected: i128) {
         let error = (found - expected).unsigned_abs() as f64;
-        let (verdict, csu) = if error == 0.0 { (Verdict::Exact, 0.0) } else { (Verdict::Different, f64::INFINITY) };
+        let (verdict, csu) =
+            if error == 0.0 { (Verdict::Exact, 0.0) } else { (Verdict::Different, f64::INFINITY) };
         self.element(place, verdict, csu, csu, found as f64, expected as f64);
         self.abs_max = self.abs_max.max(error);
         if error > 0.0 {
@@ -241,9 +247,9 @@ impl Measure {
     /// The report on the tensor; `groups` as in [`Slope::of`].
     pub fn report(mut self, name: &str, shape: &[usize], groups: Option<usize>) -> TensorReport {
         let elements = shape.iter().product::<usize>() as u64;
-        let slope = self.precision.and_then(|precision| {
-            Slope::of(std::mem::take(&mut self.deviations), precision.unit, groups)
-        });
+        let slope = self
+            .precision
+            .and_then(|precision| Slope::of(std::mem::take(&mut self.deviations), precision.unit, groups));
         let mut verdict = Grade::from(self.verdict);
         if slope.is_some_and(|slope| slope.is_systematic()) {
             verdict = verdict.max(Grade::G2);
@@ -332,7 +338,10 @@ mod tests {
             (joined.report("x", &[10, 100], None), differences(0..1000).report("x", &[10, 100], None));
         assert_eq!(joined.histogram, whole.histogram, "histogram");
         assert_eq!(joined.worst, whole.worst, "worst element");
-        assert_eq!((joined.csu_max, joined.csu_p999, joined.slope), (whole.csu_max, whole.csu_p999, whole.slope));
+        assert_eq!(
+            (joined.csu_max, joined.csu_p999, joined.slope),
+            (whole.csu_max, whole.csu_p999, whole.slope)
+        );
         assert_eq!(whole.compared, 1000);
     }
 

@@ -22,6 +22,7 @@ mod discontinuity;
 pub mod dump;
 mod estimate;
 mod findings;
+pub mod inputs;
 pub mod judge;
 pub mod measure;
 mod node;
@@ -153,7 +154,8 @@ fn judge_segment(
 ) {
     let Segment { nodes, tensors, missing, .. } = segment;
     held.extend(tensors.into_iter().map(|(name, tensor)| (name, Held::Given(Arc::new(tensor)))));
-    let is_whole = |index: &usize| model.nodes()[*index].output.iter().all(|name| !missing.contains_key(name));
+    let is_whole =
+        |index: &usize| model.nodes()[*index].output.iter().all(|name| !missing.contains_key(name));
     let mut index = nodes.start;
     while index < nodes.end {
         let run = (index..nodes.end).take_while(is_whole).count().max(1);

@@ -167,7 +167,11 @@ mod tests {
         assert_eq!(half.grade(f64::INFINITY, &one(70_000.0)).verdict, Verdict::Exact, "beyond the type");
         assert_eq!(half.grade(f64::INFINITY, &one(65_510.0)).verdict, Verdict::Rounding, "at its end");
         assert_eq!(half.grade(f64::INFINITY, &one(60_000.0)).verdict, Verdict::Different, "within it");
-        assert_eq!(half.grade(f64::NEG_INFINITY, &one(70_000.0)).verdict, Verdict::Different, "the wrong end");
+        assert_eq!(
+            half.grade(f64::NEG_INFINITY, &one(70_000.0)).verdict,
+            Verdict::Different,
+            "the wrong end"
+        );
         let cancelled = Rounded { value: 1.0, magnitude: 1e6, terms: 4.0 };
         assert_eq!(half.grade(f64::NAN, &cancelled).verdict, Verdict::Unusual, "∞ − ∞ on the way");
     }

@@ -53,7 +53,7 @@ impl Reading {
     /// # Errors
     /// When a value cannot hold the operand.
     pub fn value(self, operand: Operand) -> Result<Value<Rounded>, String> {
-        let mut value = match operand {
+        let mut value: Value<Rounded> = match operand {
             Operand::Given(tensor) => Value::of(tensor)?,
             Operand::Derived(value) => return Ok(value.clone()),
         };

@@ -48,7 +48,8 @@ impl Region {
         let (first, length) =
             self.0.get(split).map_or((0, 1), |range| (range.start * inner, range.len() * inner));
         let outer = self.0[..split].to_vec();
-        let count: usize = if self.is_empty() { 0 } else { outer.iter().map(ExactSizeIterator::len).product() };
+        let count: usize =
+            if self.is_empty() { 0 } else { outer.iter().map(ExactSizeIterator::len).product() };
         (0..count).map(move |mut run| {
             let mut offset = first;
             for (range, stride) in outer.iter().zip(&strides).rev() {

@@ -9,8 +9,8 @@ use prost::Message as _;
 use super::estimate::output_shapes;
 use super::party::{Held, Tensors};
 use crate::onnx::message::{
-    DimensionProto, DimensionValue, GraphProto, ModelProto, OperatorSetIdProto, TensorProto, TensorShapeProto,
-    TensorTypeProto, TypeProto, ValueInfoProto,
+    DimensionProto, DimensionValue, GraphProto, ModelProto, OperatorSetIdProto, TensorProto,
+    TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
 };
 use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::TypedTensor;
@@ -35,14 +35,18 @@ impl Part {
     /// When a tensor that they read is not there; names it.
     pub fn of(model: &Model, nodes: Range<usize>, held: &Tensors) -> Result<Self, String> {
         let nodes = &model.nodes()[nodes];
-        let names = |tensors: &[String]| tensors.iter().filter(|name| !name.is_empty()).cloned().collect::<Vec<_>>();
+        let names =
+            |tensors: &[String]| tensors.iter().filter(|name| !name.is_empty()).cloned().collect::<Vec<_>>();
         let outputs: Vec<String> = nodes.iter().flat_map(|node| names(&node.output)).collect();
         let made: BTreeSet<&String> = outputs.iter().collect();
         let read: BTreeSet<String> = nodes.iter().flat_map(|node| names(&node.input)).collect();
         let mut graph = GraphProto {
             name: Some("part".into()),
             node: nodes.to_vec(),
-            output: outputs.iter().map(|name| ValueInfoProto { name: Some(name.clone()), r#type: None }).collect(),
+            output: outputs
+                .iter()
+                .map(|name| ValueInfoProto { name: Some(name.clone()), r#type: None })
+                .collect(),
             ..GraphProto::default()
         };
         let mut inputs = Vec::new();
@@ -54,7 +58,9 @@ impl Part {
                     inputs.push((name, tensor.clone()));
                 }
                 Some(Held::Derived(_)) | None => return Err(format!("its operand \"{name}\" is not there")),
-                Some(Held::Unknown(why)) => return Err(format!("its operand \"{name}\" is not there: {why}")),
+                Some(Held::Unknown(why)) => {
+                    return Err(format!("its operand \"{name}\" is not there: {why}"));
+                }
             }
         }
         let domains: BTreeSet<&str> =
@@ -92,14 +98,9 @@ fn declaration(name: &str, tensor: &TypedTensor) -> ValueInfoProto {
         .iter()
         .map(|&side| DimensionProto { value: Some(DimensionValue::Number(side as i64)) })
         .collect();
-    let tensor_type = TensorTypeProto {
-        elem_type: Some(tensor.element().number()),
-        shape: Some(TensorShapeProto { dim }),
-    };
-    ValueInfoProto {
-        name: Some(name.to_owned()),
-        r#type: Some(TypeProto { tensor_type: Some(tensor_type) }),
-    }
+    let tensor_type =
+        TensorTypeProto { elem_type: Some(tensor.element().number()), shape: Some(TensorShapeProto { dim }) };
+    ValueInfoProto { name: Some(name.to_owned()), r#type: Some(TypeProto { tensor_type: Some(tensor_type) }) }
 }
 
 /// How many nodes from `first` on make tensors of about `memory` bytes; at least one.

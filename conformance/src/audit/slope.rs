@@ -149,7 +149,10 @@ mod tests {
                 std::iter::repeat_n(one, 1000)
             })
             .collect();
-        assert!(!slope(copies, None).is_systematic(), "forty values, each rounded the same way a thousand times");
+        assert!(
+            !slope(copies, None).is_systematic(),
+            "forty values, each rounded the same way a thousand times"
+        );
         assert_eq!(Slope::of(noisy(1e-6, Slope::FEWEST - 1), UNIT_ROUNDOFF, None), None, "too few");
     }
 

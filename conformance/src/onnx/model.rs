@@ -5,7 +5,7 @@ use std::path::Path;
 
 use prost::Message as _;
 
-use super::message::{GraphProto, ModelProto, NodeProto};
+use super::message::{GraphProto, ModelProto, NodeProto, ValueInfoProto};
 use super::typed_tensor::TypedTensor;
 use crate::error::{Error, Result};
 
@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 #[derive(Clone, Debug)]
 pub struct Model {
     name: String,
+    producer: String,
     bytes: Vec<u8>,
     graph: GraphProto,
     opsets: BTreeMap<String, i64>,
@@ -55,12 +56,18 @@ impl Model {
             .into_iter()
             .map(|entry| (entry.key.unwrap_or_default(), entry.value.unwrap_or_default()))
             .collect();
-        Ok(Self { name: name.to_owned(), bytes, graph, opsets, properties })
+        let producer = model.producer_name.unwrap_or_default();
+        Ok(Self { name: name.to_owned(), producer, bytes, graph, opsets, properties })
     }
 
     /// The file's path or the name given for it.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// The program that wrote the file, empty when it does not say.
+    pub fn producer(&self) -> &str {
+        &self.producer
     }
 
     /// The file's bytes, unchanged.
@@ -108,6 +115,13 @@ impl Model {
             .filter_map(|value| value.name.as_deref())
             .filter(|name| !constants.contains(name))
             .collect()
+    }
+
+    /// The graph's inputs that are not constants, with their types as declared, in order.
+    pub fn declared_inputs(&self) -> Vec<&ValueInfoProto> {
+        let names = self.inputs();
+        let named = |value: &&ValueInfoProto| value.name.as_deref().is_some_and(|name| names.contains(&name));
+        self.graph.input.iter().filter(named).collect()
     }
 
     /// Names of the graph's outputs, in order.

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::npy::{self, Array, Element, Values};
 use super::atomic;
+use super::npy::{self, Array, Element, Values};
 use crate::error::{Error, Result};
 
 /// An archive that was opened; arrays are unpacked when asked for.
