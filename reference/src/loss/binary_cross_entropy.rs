@@ -1,7 +1,7 @@
 //! The cross-entropy of a predicted occupancy, from its logit.
 
 use super::{Loss, mean};
-use crate::nn::activation::{sigmoid_value, softplus_value};
+use crate::nn::transcendental::{sigmoid_value, softplus_value};
 
 /// L = −(1/P) Σ [o ln σ(z) + (1 − o) ln(1 − σ(z))] = (1/P) Σ [ln(1 + eᶻ) − z·o],  ∂L/∂z = (σ(z) − o)/P.
 ///

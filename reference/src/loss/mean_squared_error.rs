@@ -1,7 +1,7 @@
 //! The squared error of a predicted occupancy.
 
 use super::{Loss, mean};
-use crate::nn::activation::sigmoid_value;
+use crate::nn::transcendental::sigmoid_value;
 
 /// L = (1/P) Σ (σ(z) − o)²,  ∂L/∂z = (2/P)(σ(z) − o)·σ(z)(1 − σ(z)).
 ///

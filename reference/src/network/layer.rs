@@ -139,7 +139,7 @@ impl GroupNorm {
 
     /// The layer applied.
     pub fn apply<T: Scalar>(&self, x: &Tensor<T>) -> Tensor<T> {
-        nn::group_norm(x, self.groups, &lifted(&self.scale), &lifted(&self.bias), EPSILON)
+        nn::group_norm(x, self.groups, &lifted(&self.scale), &lifted(&self.bias), T::exact(EPSILON))
     }
 }
 
@@ -167,7 +167,7 @@ impl BatchNorm {
     /// The layer applied.
     pub fn apply<T: Scalar>(&self, x: &Tensor<T>) -> Tensor<T> {
         let [scale, bias, mean, variance] = [&self.scale, &self.bias, &self.mean, &self.variance].map(lifted);
-        nn::batch_norm(x, &scale, &bias, &mean, &variance, EPSILON)
+        nn::batch_norm(x, &scale, &bias, &mean, &variance, T::exact(EPSILON))
     }
 }
 

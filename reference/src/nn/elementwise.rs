@@ -2,23 +2,23 @@
 //!
 //! Rounding: one correctly rounded operation each; choosing the larger or smaller rounds nothing.
 
-use super::{Scalar, Tensor};
+use super::{Ring, Scalar, Tensor};
 
 /// a + b.
 ///
 /// # Panics
 /// If the shapes do not broadcast. So do [`sub`], [`mul`] and [`div`].
-pub fn add<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+pub fn add<T: Ring>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
     broadcast("add", a, b, |a, b| a + b)
 }
 
 /// a − b; see [`add`].
-pub fn sub<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+pub fn sub<T: Ring>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
     broadcast("sub", a, b, |a, b| a - b)
 }
 
 /// a × b; see [`add`].
-pub fn mul<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+pub fn mul<T: Ring>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
     broadcast("mul", a, b, |a, b| a * b)
 }
 
@@ -69,16 +69,59 @@ pub(super) fn broadcast_offset(shape: &[usize], index: &[usize]) -> usize {
     shape.iter().zip(index).fold(0, |offset, (&n, &i)| offset * n + if n == 1 { 0 } else { i })
 }
 
-fn broadcast<T: Scalar>(operator: &str, a: &Tensor<T>, b: &Tensor<T>, f: impl Fn(T, T) -> T) -> Tensor<T> {
+/// f(a, b) element by element, with broadcasting.
+///
+/// # Panics
+/// If the shapes do not broadcast.
+pub fn broadcast<A: Copy, B: Copy, C>(
+    operator: &str,
+    a: &Tensor<A>,
+    b: &Tensor<B>,
+    f: impl Fn(A, B) -> C,
+) -> Tensor<C> {
     if a.shape == b.shape {
         let data = a.data.iter().zip(&b.data).map(|(&a, &b)| f(a, b)).collect();
         return Tensor { shape: a.shape.clone(), data };
     }
     let shape = broadcast_shape(&a.shape, &b.shape)
         .unwrap_or_else(|| panic!("{operator}: shapes {:?} and {:?} do not broadcast", a.shape, b.shape));
-    Tensor::from_fn(&shape, |index| {
-        f(a.data[broadcast_offset(&a.shape, index)], b.data[broadcast_offset(&b.shape, index)])
-    })
+    // Line by line along the last axis, in which an operand either walks or stands still.
+    let columns = shape.last().copied().unwrap_or(1);
+    let walks = |own: &[usize]| usize::from(own.last().is_some_and(|&n| n > 1));
+    let (step_a, step_b) = (walks(&a.shape), walks(&b.shape));
+    let count: usize = shape.iter().product();
+    let mut data = Vec::with_capacity(count);
+    let mut index = vec![0; shape.len()];
+    while data.len() < count {
+        let (i, j) = (broadcast_offset(&a.shape, &index), broadcast_offset(&b.shape, &index));
+        data.extend((0..columns).map(|k| f(a.data[i + k * step_a], b.data[j + k * step_b])));
+        let outer = shape.len().saturating_sub(1);
+        super::tensor::advance(&mut index[..outer], &shape[..outer]);
+    }
+    Tensor { shape, data }
+}
+
+/// Σ of tensors, with broadcasting, in any order.
+///
+/// # Panics
+/// If there is none, or their shapes do not broadcast.
+///
+/// # References
+/// ONNX operator Sum (version 13).
+pub fn sum<T: Ring>(tensors: &[&Tensor<T>]) -> Tensor<T> {
+    let (first, rest) = tensors.split_first().expect("sum: at least one tensor");
+    rest.iter().fold((*first).clone(), |sum, x| broadcast("sum", &sum, x, T::plus))
+}
+
+/// The mean of tensors, with broadcasting.
+///
+/// # Panics
+/// As [`sum`].
+///
+/// # References
+/// ONNX operator Mean (version 13).
+pub fn mean<T: Scalar>(tensors: &[&Tensor<T>]) -> Tensor<T> {
+    sum(tensors).map(|sum| super::pooling::mean_of(sum, tensors.len()))
 }
 
 #[cfg(test)]
@@ -126,6 +169,17 @@ mod tests {
                 (value, f64::abs(value), 1.0)
             );
         }
+    }
+
+    #[test]
+    fn sums_and_means_of_several_tensors_broadcast() {
+        let (a, b) = (Tensor::new(&[2, 1], vec![1.0, 2.0]), Tensor::new(&[3], vec![10.0, 20.0, 30.0]));
+        let y = sum(&[&a, &b, &a]);
+        assert_eq!(y, Tensor::new(&[2, 3], vec![12.0, 22.0, 32.0, 14.0, 24.0, 34.0]));
+        assert_eq!(mean(&[&a, &a]), a);
+        assert_eq!(sum(&[&a]), a);
+        let empty = broadcast("add", &Tensor::<f64>::zeros(&[0, 3]), &b, |a, b| a + b);
+        assert_eq!((empty.shape, empty.data.len()), (vec![0, 3], 0));
     }
 
     #[test]

@@ -2,11 +2,11 @@
 //!
 //! Rounding: dot products of K terms, and what is added.
 
-use super::elementwise::{broadcast_offset, broadcast_shape};
-use super::{Scalar, Tensor, add, transpose};
+use super::elementwise::{broadcast, broadcast_offset, broadcast_shape};
+use super::{Ring, Tensor, add, transpose};
 
 /// C\[M,N\] += A\[M,K\]·B\[K,N\] on row-major slices.
-fn add_product<T: Scalar>(c: &mut [T], a: &[T], b: &[T], inner: usize, columns: usize) {
+fn add_product<T: Ring>(c: &mut [T], a: &[T], b: &[T], inner: usize, columns: usize) {
     for (row, a) in c.chunks_exact_mut(columns.max(1)).zip(a.chunks_exact(inner.max(1))) {
         for (k, &a) in a.iter().enumerate() {
             for (c, &b) in row.iter_mut().zip(&b[k * columns..(k + 1) * columns]) {
@@ -23,12 +23,12 @@ fn add_product<T: Scalar>(c: &mut [T], a: &[T], b: &[T], inner: usize, columns: 
 ///
 /// # References
 /// ONNX operator Gemm (version 13).
-pub fn gemm<T: Scalar>(
+pub fn gemm<T: Ring>(
     a: &Tensor<T>,
     b: &Tensor<T>,
     c: Option<&Tensor<T>>,
-    alpha: f64,
-    beta: f64,
+    alpha: T,
+    beta: T,
     trans_a: bool,
     trans_b: bool,
 ) -> Tensor<T> {
@@ -42,14 +42,12 @@ pub fn gemm<T: Scalar>(
     assert!(fits, "gemm: C {:?} does not broadcast to the product {:?}", c.shape, product.shape);
     let c = scaled(c.clone(), beta);
     // The product may be summed on top of βC: the addition belongs to the sum, whose order is free.
-    Tensor::from_fn(&product.shape.clone(), |i| {
-        c.data[broadcast_offset(&c.shape, i)].plus(product.data[product.offset(i)])
-    })
+    broadcast("gemm", &c, &product, T::plus)
 }
 
 /// α·x, which is x itself for α = 1.
-fn scaled<T: Scalar>(x: Tensor<T>, alpha: f64) -> Tensor<T> {
-    if alpha == 1.0 { x } else { x.map(|v| T::exact(alpha) * v) }
+fn scaled<T: Ring>(x: Tensor<T>, alpha: T) -> Tensor<T> {
+    if alpha == T::one() { x } else { x.map(|v| alpha * v) }
 }
 
 /// A [..,M,K] · B [..,K,N] → [..,M,N]; leading axes broadcast, a vector is a row (A) or a column (B) and loses that axis.
@@ -59,7 +57,7 @@ fn scaled<T: Scalar>(x: Tensor<T>, alpha: f64) -> Tensor<T> {
 ///
 /// # References
 /// ONNX operator MatMul (version 13), which is NumPy's.
-pub fn matmul<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
+pub fn matmul<T: Ring>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
     assert!(
         a.rank() > 0 && b.rank() > 0,
         "matmul: a scalar is no matrix; shapes {:?} and {:?}",
@@ -81,7 +79,7 @@ pub fn matmul<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
     let outer = broadcast_shape(outer_a, outer_b).filter(|_| inner_a[1] == inner_b[0]);
     let outer = outer.unwrap_or_else(|| panic!("matmul: shapes {:?} and {:?} do not fit", a.shape, b.shape));
     let (rows, inner, columns) = (inner_a[0], inner_a[1], inner_b[1]);
-    let mut y = Tensor::zeros(&[&outer[..], &[rows, columns]].concat());
+    let mut y = Tensor::filled(&[&outer[..], &[rows, columns]].concat(), T::ZERO);
     let mut index = vec![0; outer.len()];
     for c in y.data.chunks_exact_mut((rows * columns).max(1)) {
         let a = &a.data[broadcast_offset(outer_a, &index) * rows * inner..][..rows * inner];
@@ -96,7 +94,7 @@ pub fn matmul<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>) -> Tensor<T> {
 ///
 /// # Panics
 /// If the shapes do not fit.
-pub fn linear<T: Scalar>(x: &Tensor<T>, w: &Tensor<T>, bias: &Tensor<T>) -> Tensor<T> {
+pub fn linear<T: Ring>(x: &Tensor<T>, w: &Tensor<T>, bias: &Tensor<T>) -> Tensor<T> {
     assert!(w.rank() == 2, "linear: w must be [N,K], found shape {:?}", w.shape);
     add(&matmul(x, &transpose(w, &[1, 0])), bias)
 }
@@ -104,7 +102,9 @@ pub fn linear<T: Scalar>(x: &Tensor<T>, w: &Tensor<T>, bias: &Tensor<T>) -> Tens
 #[cfg(test)]
 mod tests {
     use super::super::goldens::{self, check, pattern};
+    use super::super::{Rounded, Scalar as _};
     use super::*;
+    use std::num::Wrapping;
 
     #[test]
     fn a_product_by_hand() {
@@ -135,8 +135,22 @@ mod tests {
         let (a, b) = (pattern(&[2, 5], 1).rounded(), pattern(&[5, 2], 2).rounded());
         let c = pattern(&[2], 3).rounded();
         assert_eq!(matmul(&a, &b).terms().data, [5.0; 4]);
-        assert_eq!(gemm(&a, &b, Some(&c), 1.0, 1.0, false, false).terms().data, [6.0; 4]);
-        assert_eq!(gemm(&a, &b, Some(&c), 0.5, 1.0, false, false).terms().data, [7.0; 4]);
+        assert_eq!(
+            gemm(&a, &b, Some(&c), Rounded::exact(1.0), Rounded::exact(1.0), false, false).terms().data,
+            [6.0; 4]
+        );
+        assert_eq!(
+            gemm(&a, &b, Some(&c), Rounded::exact(0.5), Rounded::exact(1.0), false, false).terms().data,
+            [7.0; 4]
+        );
+    }
+
+    #[test]
+    fn integers_are_multiplied_exactly() {
+        let large = Wrapping((1_i64 << 53) + 1);
+        let a = Tensor::new(&[1, 2], vec![large, Wrapping(-3)]);
+        let b = Tensor::new(&[2, 1], vec![Wrapping(1), Wrapping(2)]);
+        assert_eq!(matmul(&a, &b).data, [large - Wrapping(6)], "no f64 holds it");
     }
 
     #[test]

@@ -31,38 +31,66 @@
 //! vectorises, and nothing more.
 
 pub mod activation;
+pub mod attention;
 pub mod convolution;
+pub mod cumulative;
+pub mod determinant;
 pub mod einsum;
 pub mod elementwise;
+pub mod extremum;
 pub mod grid_sample;
 pub mod matrix_product;
 pub mod movement;
 pub mod normalization;
 pub mod pooling;
+pub mod rectifier;
 pub mod reduction;
+pub mod ring;
+pub mod rotary;
 pub mod rounded;
 pub mod scalar;
+pub mod scaling;
 pub mod scatter;
+pub mod softmax;
+pub mod step;
 pub mod tensor;
 pub mod transcendental;
 pub mod transposed_convolution;
 mod window;
 
-pub use activation::{leaky_relu, relu, sigmoid, softplus, tanh};
+pub use activation::{
+    gelu, gelu_tanh, hard_sigmoid, hard_swish, mish, sigmoid, softplus, softsign, swish, tanh,
+};
+pub use attention::{Attended, Attention, attention, join_heads, split_heads};
 pub use convolution::{Conv, conv};
+pub use cumulative::{Cumulative, cumulative_product, cumulative_sum};
+pub use determinant::det;
 pub use einsum::einsum;
-pub use elementwise::{add, clip, div, maximum, minimum, mul, sub};
+pub use elementwise::{add, broadcast, clip, div, maximum, mean, minimum, mul, sub, sum};
+pub use extremum::place_of_extremum;
 pub use grid_sample::{GridSample, PaddingMode, grid_sample};
 pub use matrix_product::{gemm, linear, matmul};
 pub use movement::{concat, expand, gather, slice, tile, transpose};
-pub use normalization::{batch_norm, group_norm, instance_norm, layer_norm};
+pub use normalization::{
+    BatchNormTraining, LayerNorm, batch_norm, batch_norm_training, group_norm, instance_norm, layer_norm,
+    mean_variance_norm, per_channel,
+};
 pub use pooling::{AveragePool, Pool, average_pool, global_average_pool, max_pool};
-pub use reduction::{reduce_l2, reduce_mean, reduce_sum};
+pub use rectifier::{celu, elu, leaky_relu, prelu, relu, selu, shrink, thresholded_relu};
+pub use reduction::{
+    reduce, reduce_l1, reduce_l2, reduce_log_sum, reduce_log_sum_exp, reduce_max, reduce_mean, reduce_min,
+    reduce_prod, reduce_sum, reduce_sum_square,
+};
+pub use ring::Ring;
+pub use rotary::{Pairs, rotary_embedding};
 pub use rounded::{Rounded, UNIT_ROUNDOFF_F32, gamma};
 pub use scalar::Scalar;
+pub use scaling::{Length, lp_norm, rms_norm};
 pub use scatter::{scatter_elements, scatter_nd};
+pub use softmax::{hardmax, log_softmax, softmax};
+pub use step::{ceil, floor, modulo, round, sign};
 pub use tensor::Tensor;
-pub use transcendental::{acos, atan, cos, exp, log, pow, sin};
+pub use transcendental::{Elementary, acos, atan, cos, exp, log, pow, sin};
 pub use transposed_convolution::{ConvTranspose, conv_transpose};
 
 #[cfg(test)]

@@ -47,9 +47,10 @@ pub trait Scalar:
     /// f(self) for a smooth f with value `f` and derivative `slope` there, computed to within `roundings` units.
     ///
     /// With x̂ = x + e, |e| ≤ γ_n·m: |f(x̂) − f(x)| ≤ |f′|·γ_n·m to first order, and the evaluation adds its own
-    /// roundings·u·|f|; both are covered by γ_{n + roundings}·max(|f|, |f′|·m).
+    /// roundings·u·|f|; both are covered by γ_{n + roundings}·max(|f|, |f′|·m). An exact argument has no error to enlarge.
     fn function(self, f: f64, slope: f64, roundings: f64) -> Self {
-        Self::within(f, f.abs().max(slope.abs() * self.magnitude()), self.terms() + roundings)
+        let passed_on = if self.terms() == 0.0 { 0.0 } else { slope.abs() * self.magnitude() };
+        Self::within(f, f.abs().max(passed_on), self.terms() + roundings)
     }
 
     /// √self, which IEEE arithmetic rounds once.
@@ -60,8 +61,11 @@ pub trait Scalar:
 
     /// The larger of two numbers; a NaN wins. Choosing rounds nothing: |max(â, b̂) − max(a, b)| ≤ max of the errors.
     fn maximum(self, other: Self) -> Self {
-        let winner = if other.value() > self.value() || other.value().is_nan() { other } else { self };
-        if !Self::TRACKS_ROUNDING || (self.terms() == 0.0 && other.terms() == 0.0) {
+        let others = other.value() > self.value() || other.value().is_nan();
+        let (winner, loser) = if others { (other, self) } else { (self, other) };
+        let exact = self.terms() == 0.0 && other.terms() == 0.0;
+        // Rounding never brings −∞ back: a number that is masked with it is out of the contest.
+        if !Self::TRACKS_ROUNDING || exact || loser.value() == f64::NEG_INFINITY {
             return winner;
         }
         let magnitude = self.magnitude().max(other.magnitude());
