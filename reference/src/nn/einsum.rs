@@ -27,31 +27,14 @@ use super::{Ring, Tensor};
 pub fn einsum<T: Ring>(equation: &str, operands: &[&Tensor<T>]) -> Tensor<T> {
     let shapes: Vec<&[usize]> = operands.iter().map(|x| &x.shape[..]).collect();
     let Named { operands: names, result } = named(equation, &shapes);
-
     let mut summed: Vec<Axis> =
         names.iter().flatten().filter(|axis| !result.contains(axis)).copied().collect();
     summed.sort_unstable();
     summed.dedup();
-    let length = |axis: Axis| {
-        let lengths: Vec<usize> = names
-            .iter()
-            .zip(&shapes)
-            .flat_map(|(names, shape)| names.iter().zip(*shape).filter(|(own, _)| **own == axis))
-            .map(|(_, &n)| n)
-            .collect();
-        let length = *lengths
-            .iter()
-            .find(|&&n| n != 1)
-            .or(lengths.first())
-            .unwrap_or_else(|| panic!("einsum: {equation:?} has no operand with {axis}"));
-        assert!(
-            lengths.iter().all(|&n| n == 1 || n == length),
-            "einsum: {axis} of {equation:?} has several lengths in shapes {shapes:?}"
-        );
-        length
+    let lengths = |axes: &[Axis]| -> Vec<usize> {
+        axes.iter().map(|&axis| length(equation, &names, &shapes, axis)).collect()
     };
-    let outer: Vec<usize> = result.iter().map(|&axis| length(axis)).collect();
-    let inner: Vec<usize> = summed.iter().map(|&axis| length(axis)).collect();
+    let (outer, inner) = (lengths(&result), lengths(&summed));
 
     // How far each operand moves when a name's index grows by one.
     let strides = |over: &[Axis]| -> Vec<Vec<usize>> {
@@ -81,6 +64,35 @@ pub fn einsum<T: Ring>(equation: &str, operands: &[&Tensor<T>]) -> Tensor<T> {
         }
         sum
     })
+}
+
+/// The shape of the result, for operands of these shapes.
+///
+/// # Panics
+/// As [`einsum`].
+pub fn einsum_shape(equation: &str, shapes: &[&[usize]]) -> Vec<usize> {
+    let Named { operands, result } = named(equation, shapes);
+    result.iter().map(|&axis| length(equation, &operands, shapes, axis)).collect()
+}
+
+/// The length of an axis, which all operands that have it share, unless it is one.
+fn length(equation: &str, names: &[Vec<Axis>], shapes: &[&[usize]], axis: Axis) -> usize {
+    let lengths: Vec<usize> = names
+        .iter()
+        .zip(shapes)
+        .flat_map(|(names, shape)| names.iter().zip(*shape).filter(|(own, _)| **own == axis))
+        .map(|(_, &n)| n)
+        .collect();
+    let length = *lengths
+        .iter()
+        .find(|&&n| n != 1)
+        .or(lengths.first())
+        .unwrap_or_else(|| panic!("einsum: {equation:?} has no operand with {axis}"));
+    assert!(
+        lengths.iter().all(|&n| n == 1 || n == length),
+        "einsum: {axis} of {equation:?} has several lengths in shapes {shapes:?}"
+    );
+    length
 }
 
 /// An axis of an equation: one that an ellipsis stands for, counted from the last, or one that has a letter.

@@ -65,7 +65,7 @@ pub use attention::{Attended, Attention, attention, join_heads, split_heads};
 pub use convolution::{Conv, conv};
 pub use cumulative::{Cumulative, cumulative_product, cumulative_sum};
 pub use determinant::det;
-pub use einsum::einsum;
+pub use einsum::{einsum, einsum_shape};
 pub use elementwise::{add, broadcast, clip, div, maximum, mean, minimum, mul, sub, sum};
 pub use extremum::place_of_extremum;
 pub use grid_sample::{GridSample, PaddingMode, grid_sample};

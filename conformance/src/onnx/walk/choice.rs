@@ -3,10 +3,9 @@
 //! Numbers are compared by their values: of numbers that are known exactly, as those that a runtime handed over, this
 //! is what any implementation must do.
 
-use vitruvian_reference::nn::{Scalar, Tensor};
+use vitruvian_reference::nn::{Scalar, Tensor, broadcast as zip};
 
-use super::arithmetic::{same_type, zipped};
-use super::{Answer, Call, Data, Value};
+use super::{Answer, Call, Data, Value, broadcast};
 use crate::onnx::element::ElementType;
 
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
@@ -16,7 +15,6 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
         "Equal" => compared(call, |a, b| a == b, |a, b| a == b),
         "Greater" => compared(call, |a, b| a > b, |a, b| a > b),
         "GreaterOrEqual" => compared(call, |a, b| a >= b, |a, b| a >= b),
-        "IsNaN" => call.numbers(0).map(|x| Value::from_truths(x.map(|x| x.value().is_nan()))),
         "Less" => compared(call, |a, b| a < b, |a, b| a < b),
         "LessOrEqual" => compared(call, |a, b| a <= b, |a, b| a <= b),
         "Not" => call.truths(0).map(|x| Value::from_truths(x.map(|x| !x))),
@@ -25,6 +23,16 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
         _ => return None,
     };
     Some(y.map(|y| vec![y]))
+}
+
+/// f(a, b) element by element, with broadcasting.
+fn zipped<A: Copy, B: Copy, C>(
+    a: &Tensor<A>,
+    b: &Tensor<B>,
+    f: impl Fn(A, B) -> C,
+) -> Result<Tensor<C>, String> {
+    broadcast(&a.shape, &b.shape)?;
+    Ok(zip("Where", a, b, f))
 }
 
 fn logical<T: Scalar>(call: &Call<T>, f: fn(bool, bool) -> bool) -> Result<Value<T>, String> {
@@ -36,7 +44,7 @@ fn compared<T: Scalar>(
     numbers: fn(f64, f64) -> bool,
     integers: fn(i64, i64) -> bool,
 ) -> Result<Value<T>, String> {
-    same_type(call)?;
+    call.same_type()?;
     Ok(Value::from_truths(match &call.operand(0)?.data {
         Data::Numbers(a) => zipped(a, call.numbers(1)?, |a: T, b: T| numbers(a.value(), b.value()))?,
         Data::Integers(a) => zipped(a, call.integers(1)?, integers)?,

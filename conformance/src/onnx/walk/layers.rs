@@ -1,30 +1,20 @@
-//! Operators with weights or windows, products and reductions.
+//! Operators with windows: convolutions and pools.
 
 use vitruvian_reference::nn::{
-    AveragePool, Conv, ConvTranspose, GridSample, PaddingMode, Pool, Scalar, Tensor, average_pool,
-    batch_norm, conv, conv_transpose, einsum, gemm, global_average_pool, grid_sample, group_norm,
-    instance_norm, matmul, max_pool, reduce_l2, reduce_mean, reduce_sum,
+    AveragePool, Conv, ConvTranspose, GridSample, PaddingMode, Pool, Scalar, Tensor, average_pool, conv,
+    conv_transpose, global_average_pool, grid_sample, max_pool,
 };
 
-use super::{Answer, Attributes, Call, axes};
+use super::{Answer, Attributes, Call};
 
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
     let y = match call.operator {
         "AveragePool" => mean_of_windows(call),
-        "BatchNormalization" => batch_normalization(call),
         "Conv" => convolution(call),
         "ConvTranspose" => transposed_convolution(call),
-        "Einsum" => sum_of_products(call),
-        "Gemm" => matrix_product(call),
         "GlobalAveragePool" => call.numbers(0).map(global_average_pool),
         "GridSample" => sampled(call),
-        "GroupNormalization" => group_normalization(call),
-        "InstanceNormalization" => instance_normalization(call),
-        "MatMul" => call.numbers(0).and_then(|a| Ok(matmul(a, call.numbers(1)?))),
         "MaxPool" => call.numbers(0).and_then(|x| Ok(max_pool(x, &pool(call, x, &[])?.0))),
-        "ReduceL2" => reduced(call, reduce_l2),
-        "ReduceMean" => reduced(call, reduce_mean),
-        "ReduceSum" => reduced(call, reduce_sum),
         _ => return None,
     };
     Some(y.and_then(|y| Ok(vec![call.like(y)?])))
@@ -86,50 +76,6 @@ fn mean_of_windows<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
     Ok(average_pool(x, &AveragePool { window, count_include_pad }))
 }
 
-fn batch_normalization<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
-    let attributes = call.attributes(&["epsilon", "momentum", "spatial", "training_mode"])?;
-    if attributes.flag("training_mode", false)? {
-        return Err("training_mode 1; only inference is defined here".into());
-    }
-    if !attributes.flag("spatial", true)? {
-        return Err("spatial 0; one statistic per channel was expected".into());
-    }
-    let [x, scale, bias, mean, variance] =
-        [call.numbers(0)?, call.numbers(1)?, call.numbers(2)?, call.numbers(3)?, call.numbers(4)?];
-    Ok(batch_norm(x, scale, bias, mean, variance, attributes.float("epsilon", 1e-5)))
-}
-
-fn instance_normalization<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
-    let epsilon = call.attributes(&["epsilon"])?.float("epsilon", 1e-5);
-    Ok(instance_norm(call.numbers(0)?, call.numbers(1)?, call.numbers(2)?, epsilon))
-}
-
-fn group_normalization<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
-    // stash_type names the precision of the statistics; 1 is f32, the only one that the bound describes.
-    let attributes = call.attributes(&["epsilon", "num_groups", "stash_type"])?;
-    if attributes.int("stash_type", 1) != 1 {
-        return Err("stash_type must be 1 (f32)".into());
-    }
-    let (groups, epsilon) = (attributes.count("num_groups", 0)?, attributes.float("epsilon", 1e-5));
-    Ok(group_norm(call.numbers(0)?, groups, call.numbers(1)?, call.numbers(2)?, epsilon))
-}
-
-fn matrix_product<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
-    let attributes = call.attributes(&["alpha", "beta", "transA", "transB"])?;
-    let (alpha, beta) = (attributes.float("alpha", 1.0), attributes.float("beta", 1.0));
-    let (trans_a, trans_b) = (attributes.flag("transA", false)?, attributes.flag("transB", false)?);
-    Ok(gemm(call.numbers(0)?, call.numbers(1)?, call.optional_numbers(2)?, alpha, beta, trans_a, trans_b))
-}
-
-fn sum_of_products<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
-    let equation = call.attributes(&["equation"])?.text("equation", "")?;
-    if equation.contains('.') {
-        return Err(format!("equation {equation:?} has an ellipsis, which is not understood"));
-    }
-    let operands: Vec<_> = (0..call.operands.len()).map(|i| call.numbers(i)).collect::<Result<_, _>>()?;
-    Ok(einsum(equation, &operands))
-}
-
 fn sampled<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
     let attributes = call.attributes(&["align_corners", "mode", "padding_mode"])?;
     let mode = attributes.text("mode", "linear")?;
@@ -144,20 +90,4 @@ fn sampled<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
     };
     let params = GridSample { padding, align_corners: attributes.flag("align_corners", false)? };
     Ok(grid_sample(call.numbers(0)?, call.numbers(1)?, params))
-}
-
-fn reduced<T: Scalar>(
-    call: &Call<T>,
-    reduce: fn(&Tensor<T>, &[usize], bool) -> Tensor<T>,
-) -> Result<Tensor<T>, String> {
-    let attributes = call.attributes(&["axes", "keepdims", "noop_with_empty_axes"])?;
-    let x = call.numbers(0)?;
-    let mut over = axes(&call.list(1, attributes, "axes")?.unwrap_or_default(), x.rank())?;
-    if over.is_empty() {
-        if attributes.flag("noop_with_empty_axes", false)? {
-            return Ok(x.clone());
-        }
-        over = (0..x.rank()).collect();
-    }
-    Ok(reduce(x, &over, attributes.flag("keepdims", true)?))
 }

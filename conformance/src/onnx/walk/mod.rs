@@ -5,8 +5,13 @@
 //!
 //! | file | operators that |
 //! |---|---|
-//! | `layers` | have weights or windows: convolutions, pools, normalisations, products, reductions |
-//! | `arithmetic` | compute element by element |
+//! | `layers` | have windows: convolutions and pools |
+//! | `functions` | are functions of one number, and activations |
+//! | `arithmetic` | add, multiply and choose, element by element |
+//! | `reductions` | run over axes: sums, means, extrema, softmax |
+//! | `normalizations` | normalise |
+//! | `products` | multiply matrices and tensors |
+//! | `attention` | attend to tokens |
 //! | `choice` | compare, cast and choose |
 //! | `movement` | move elements and read shapes |
 //!
@@ -21,13 +26,19 @@ use vitruvian_reference::nn::{Scalar, Tensor};
 
 use self::refusal::caught;
 use super::attributes::Attributes;
+use super::element::ElementType;
 use super::message::NodeProto;
 pub use super::value::{Data, Value};
 
 mod arithmetic;
+mod attention;
 mod choice;
+mod functions;
 mod layers;
 mod movement;
+mod normalizations;
+mod products;
+mod reductions;
 mod refusal;
 
 /// The most elements that an output may have: 2²⁸, which take 6 GB with their bounds.
@@ -91,6 +102,21 @@ impl<'a, T: Scalar> Call<'a, T> {
         }
     }
 
+    /// The one element type of all operands.
+    fn same_type(&self) -> Result<ElementType, String> {
+        let element = self.operand(0)?.element;
+        match self.operands.iter().flatten().find(|operand| operand.element != element) {
+            Some(other) => Err(format!("operands of {element} and of {} do not mix", other.element)),
+            None => Ok(element),
+        }
+    }
+
+    /// A setting of the operator: exact where the element type of operand 0 holds it, else a kernel may round it.
+    fn constant(&self, value: f64) -> Result<T, String> {
+        let exact = self.operand(0)?.element.round(value) == value;
+        Ok(if exact { T::exact(value) } else { T::within(value, value.abs(), 1.0) })
+    }
+
     /// Whether the node asks for output `i`.
     fn wants(&self, i: usize) -> bool {
         self.node.output.get(i).is_some_and(|name| !name.is_empty())
@@ -144,7 +170,17 @@ pub fn evaluate<T: Scalar>(
         return Err(format!("operator {operator} of opset {opset}; opsets {first} to {last} are known"));
     }
     let call = Call { node, operator, opset, operands };
-    let families = [layers::evaluate, arithmetic::evaluate, choice::evaluate, movement::evaluate];
+    let families = [
+        layers::evaluate,
+        functions::evaluate,
+        arithmetic::evaluate,
+        reductions::evaluate,
+        normalizations::evaluate,
+        products::evaluate,
+        attention::evaluate,
+        choice::evaluate,
+        movement::evaluate,
+    ];
     // The reference's operators panic where shapes do not fit: there it is a caller's mistake, here the file's.
     let answer =
         caught(|| families.iter().find_map(|family| family(&call))).unwrap_or_else(|why| Some(Err(why)));
@@ -184,7 +220,6 @@ fn lengths(list: &[i64]) -> Result<Vec<usize>, String> {
 mod tests {
     use super::*;
     use crate::onnx::builder::{GraphBuilder, int};
-    use crate::onnx::element::ElementType;
     use crate::onnx::model::Model;
 
     pub(super) fn node(operator: &str, attributes: Vec<crate::onnx::message::AttributeProto>) -> NodeProto {
@@ -197,8 +232,8 @@ mod tests {
     fn what_is_not_understood_is_refused_by_name() {
         let x: Value = Value::from_numbers(ElementType::F32, Tensor::new(&[2], vec![1.0, 2.0]));
         let why = |node: &NodeProto| evaluate(node, 21, &[Some(&x)]).expect_err("refused");
-        let unknown = why(&node("Erf", vec![]));
-        assert!(unknown.contains("Erf: the operator is not known"), "{unknown}");
+        let unknown = why(&node("Erfc", vec![]));
+        assert!(unknown.contains("Erfc: the operator is not known"), "{unknown}");
         let attribute = why(&node("LeakyRelu", vec![int("beta", 1)]));
         assert!(attribute.contains("LeakyRelu: attribute \"beta\""), "{attribute}");
         let missing = why(&node("Add", vec![]));
