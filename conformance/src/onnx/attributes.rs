@@ -113,7 +113,7 @@ impl<'a> Attributes<'a> {
     /// # Errors
     /// When it is missing or cannot be read.
     pub fn tensor(&self, name: &str) -> Result<TypedTensor, String> {
-        let tensor = self.get(name).and_then(|attribute| attribute.t.as_ref());
+        let tensor = self.get(name).and_then(|attribute| attribute.t.as_deref());
         TypedTensor::read(tensor.ok_or_else(|| format!("attribute \"{name}\" holds no tensor"))?)
     }
 }

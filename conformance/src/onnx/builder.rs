@@ -4,13 +4,11 @@ use prost::Message as _;
 
 use super::element::ElementType;
 use super::message::{
-    AttributeKind, AttributeProto, DimensionProto, DimensionValue, GraphProto, ModelProto, NodeProto,
-    OperatorSetIdProto, StringStringEntryProto, TensorProto, TensorShapeProto, TensorTypeProto, TypeProto,
-    ValueInfoProto,
+    AttributeKind, AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
+    StringStringEntryProto,
 };
-
-/// Container version of the graphs built: the oldest that knows every operator set up to 22.
-const IR_VERSION: i64 = 10;
+use super::typed_tensor::{Elements, TypedTensor};
+use super::write::{IR_VERSION, constant, declaration, undeclared};
 
 /// A graph under construction.
 ///
@@ -47,59 +45,45 @@ impl GraphBuilder {
 
     /// Adds an f32 input of fixed shape.
     #[must_use]
-    pub fn input(mut self, name: &str, shape: &[usize]) -> Self {
-        let dim = shape
-            .iter()
-            .map(|&side| DimensionProto { value: Some(DimensionValue::Number(side as i64)) })
-            .collect();
-        let tensor = TensorTypeProto {
-            elem_type: Some(ElementType::F32.number()),
-            shape: Some(TensorShapeProto { dim }),
-        };
-        self.graph.input.push(ValueInfoProto {
-            name: Some(name.into()),
-            r#type: Some(TypeProto { tensor_type: Some(tensor) }),
-        });
+    pub fn input(self, name: &str, shape: &[usize]) -> Self {
+        self.input_of(name, ElementType::F32, shape)
+    }
+
+    /// Adds an input of this type and of fixed shape.
+    #[must_use]
+    pub fn input_of(mut self, name: &str, element: ElementType, shape: &[usize]) -> Self {
+        self.graph.input.push(declaration(name, element, shape));
+        self
+    }
+
+    /// Adds a constant tensor.
+    #[must_use]
+    pub fn tensor(mut self, name: &str, tensor: &TypedTensor) -> Self {
+        self.graph.initializer.push(constant(name, tensor));
         self
     }
 
     /// Adds an f32 constant.
     #[must_use]
-    pub fn constant(mut self, name: &str, shape: &[usize], values: &[f32]) -> Self {
-        self.graph.initializer.push(TensorProto {
-            dims: shape.iter().map(|&side| side as i64).collect(),
-            data_type: Some(ElementType::F32.number()),
-            raw_data: Some(values.iter().flat_map(|value| value.to_le_bytes()).collect()),
-            name: Some(name.into()),
-            ..Default::default()
-        });
-        self
+    pub fn constant(self, name: &str, shape: &[usize], values: &[f32]) -> Self {
+        self.elements(name, shape, Elements::F32(values.to_vec()))
     }
 
     /// Adds an i64 constant, as shapes, axes and indices are given.
     #[must_use]
-    pub fn integers(mut self, name: &str, shape: &[usize], values: &[i64]) -> Self {
-        self.graph.initializer.push(TensorProto {
-            dims: shape.iter().map(|&side| side as i64).collect(),
-            data_type: Some(ElementType::I64.number()),
-            int64_data: values.to_vec(),
-            name: Some(name.into()),
-            ..Default::default()
-        });
-        self
+    pub fn integers(self, name: &str, shape: &[usize], values: &[i64]) -> Self {
+        self.elements(name, shape, Elements::I64(values.to_vec()))
     }
 
     /// Adds a constant of truths, as a choice is given.
     #[must_use]
-    pub fn truths(mut self, name: &str, shape: &[usize], values: &[bool]) -> Self {
-        self.graph.initializer.push(TensorProto {
-            dims: shape.iter().map(|&side| side as i64).collect(),
-            data_type: Some(ElementType::Bool.number()),
-            raw_data: Some(values.iter().map(|&value| u8::from(value)).collect()),
-            name: Some(name.into()),
-            ..Default::default()
-        });
-        self
+    pub fn truths(self, name: &str, shape: &[usize], values: &[bool]) -> Self {
+        self.elements(name, shape, Elements::Bool(values.to_vec()))
+    }
+
+    /// Adds a constant, whether its elements fit its shape or not.
+    fn elements(self, name: &str, shape: &[usize], elements: Elements) -> Self {
+        self.tensor(name, &TypedTensor { shape: shape.to_vec(), elements })
     }
 
     /// Adds a node; it may read what was added before it.
@@ -117,7 +101,7 @@ impl GraphBuilder {
             name: Some(format!("{operator}_{}", self.graph.node.len())),
             op_type: Some(operator.into()),
             attribute: attributes,
-            domain: None,
+            ..Default::default()
         });
         self
     }
@@ -125,7 +109,7 @@ impl GraphBuilder {
     /// Names an output; its type is inferred by whoever runs the graph.
     #[must_use]
     pub fn output(mut self, name: &str) -> Self {
-        self.graph.output.push(ValueInfoProto { name: Some(name.into()), r#type: None });
+        self.graph.output.push(undeclared(name));
         self
     }
 
@@ -137,6 +121,7 @@ impl GraphBuilder {
             graph: Some(self.graph),
             opset_import: vec![OperatorSetIdProto { domain: Some(String::new()), version: Some(self.opset) }],
             metadata_props: self.properties,
+            ..Default::default()
         }
         .encode_to_vec()
     }

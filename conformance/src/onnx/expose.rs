@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 
 use prost::Message as _;
 
-use super::message::{GraphProto, ModelProto, ValueInfoProto};
+use super::message::{GraphProto, ModelProto};
 use super::model::Model;
+use super::write::undeclared;
 
 /// The model's bytes with the named tensors added to its outputs, each after those that are there already.
 ///
@@ -16,11 +17,7 @@ use super::model::Model;
 /// Tensors inside the subgraphs of `If` and `Loop` cannot be exposed in this way.
 pub fn expose(model: &Model, tensors: &[&str]) -> Vec<u8> {
     let mut taken: BTreeSet<_> = model.outputs().into_iter().collect();
-    let output = tensors
-        .iter()
-        .filter(|name| taken.insert(name))
-        .map(|&name| ValueInfoProto { name: Some(name.into()), r#type: None })
-        .collect();
+    let output = tensors.iter().filter(|name| taken.insert(name)).map(|name| undeclared(name)).collect();
     let addition =
         ModelProto { graph: Some(GraphProto { output, ..Default::default() }), ..Default::default() };
     let mut bytes = model.bytes().to_vec();

@@ -10,6 +10,7 @@
 //! | [`value`] | what a tensor of a graph holds |
 //! | [`walk`] | the operators by the reference |
 //! | [`builder`] | graphs built in memory, to run one operator alone |
+//! | [`write`] | nodes and constants as a file of their own |
 //! | [`expose`] | the same file with every intermediate tensor as an output |
 
 pub mod attributes;
@@ -21,3 +22,4 @@ pub mod model;
 pub mod typed_tensor;
 pub mod value;
 pub mod walk;
+pub mod write;
