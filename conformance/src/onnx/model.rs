@@ -85,6 +85,11 @@ impl Model {
         self.opsets.get("").or_else(|| self.opsets.get("ai.onnx")).copied().unwrap_or(0)
     }
 
+    /// The versions of all operators by domain, "" being ONNX's own.
+    pub fn opsets(&self) -> Vec<(String, i64)> {
+        self.opsets.iter().map(|(domain, &version)| (domain.clone(), version)).collect()
+    }
+
     /// A property of the file, such as `vitruvian.kind`.
     pub fn property(&self, key: &str) -> Option<&str> {
         self.properties.get(key).map(String::as_str)
