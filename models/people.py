@@ -6,7 +6,7 @@ A scene is one `.npz`: images u8 [N,3,M,M] (the person's box with a margin), mas
 skeleton J_template f32 [24,3], J_shapedirs f32 [24,3,10].
 """
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -95,6 +95,17 @@ def truth(
         j_shapedirs=stacked(scenes, "J_shapedirs").repeat_interleave(views, 0),
         views=views,
         augmentation=rows,
+    )
+
+
+def completed(batch: Batch, joints: Tensor, valid: Tensor) -> Batch:
+    """The batch with joints [BN,24,3] of fits in place of those that were not measured, in the rows marked in valid [BN].
+
+    Only the joints' places relative to each other count: fits stand where they like.
+    """
+    fills = valid[:, None] & (batch.measured == 0)
+    return replace(
+        batch, joints=torch.where(fills[..., None], joints, batch.joints), measured=torch.where(fills, 1.0, batch.measured)
     )
 
 

@@ -5,7 +5,8 @@ camera from each view; with `--fit-in-the-loop` MV-SMPLify then fits one body to
 best fit of each scene is kept, and the valid ones supervise pose and shape beside the keypoints and joints (eq. 4.6).
 
 As in the thesis' data, joints may be known in three dimensions for a part of the scenes only (`--measured`): those of
-laboratories have them, pictures from elsewhere have keypoints. There the fit to all views is what teaches depth.
+laboratories have them, pictures from elsewhere have keypoints. There the fit to all views is what teaches depth: a valid
+fit's joints stand for the missing ones.
 
 The thesis starts from SPIN's released weights, which were trained with SMPL's parameters as well; in this width there
 are none: a first run under the scenes' true poses and shapes (`--supervised`) stands for them and is the start of both
@@ -269,14 +270,7 @@ class Training:
         middle, features = self.features(batch)
         rotations, betas, camera = self.regress(features)
         joints = self.joints(batch, rotations, betas)
-        terms = {
-            "keypoints": losses.keypoint_loss(project(joints, camera, self.size), batch.keypoints, batch.confidence),
-            "joints": losses.joint_loss(joints, batch.joints, batch.measured),
-            "camera": losses.camera_loss(camera),
-            "prior": losses.prior_loss(rotations[:, 1:], self.mean_rotations[1:], betas),
-        }
-        if self.options.direct:
-            terms["direct"] = self.auxiliary(middle, features, batch)
+        terms = {}
         if self.options.supervised:
             every = torch.ones(len(rotations), dtype=torch.bool)
             terms["pose"] = losses.pose_loss(rotations, batch.rotations, every)
@@ -286,6 +280,15 @@ class Training:
             fitted_rotations, fitted_betas, valid = supervision(self.dictionary, names, batch)
             terms["pose"] = losses.pose_loss(rotations, fitted_rotations, valid)
             terms["betas"] = losses.betas_loss(betas, fitted_betas, valid)
+            batch = people.completed(batch, self.joints(batch, fitted_rotations, fitted_betas), valid)
+        terms |= {
+            "keypoints": losses.keypoint_loss(project(joints, camera, self.size), batch.keypoints, batch.confidence),
+            "joints": losses.joint_loss(joints, batch.joints, batch.measured),
+            "camera": losses.camera_loss(camera),
+            "prior": losses.prior_loss(rotations[:, 1:], self.mean_rotations[1:], betas),
+        }
+        if self.options.direct:
+            terms["direct"] = self.auxiliary(middle, features, batch)
         loss = losses.total(self.weights(), **terms)
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate()

@@ -52,6 +52,18 @@ class Integral(unittest.TestCase):
             moved = self.auxiliary(middle, features, replace(batch, joints=joints))
             self.assertEqual(not torch.equal(moved, loss), changes, scene)
 
+    def test_a_valid_fit_completes_what_was_not_measured_and_nothing_else(self):
+        batch = people.batch(scenes(2, 2), 32, measured=[True, False])
+        fitted = batch.joints + 1.0
+        valid = torch.ones(len(fitted), dtype=torch.bool)
+        valid[-1] = False
+        whole = people.completed(batch, fitted, valid)
+        rows = torch.arange(len(fitted))
+        filled = (rows >= batch.views) & valid
+        self.assertEqual((whole.joints == fitted).all((1, 2)).tolist(), filled.tolist())
+        self.assertEqual((whole.joints == batch.joints).all((1, 2)).tolist(), (~filled).tolist())
+        self.assertEqual(whole.measured[:, 0].bool().tolist(), ((rows < batch.views) | filled).tolist())
+
     def test_all_parts_learn(self):
         batch = people.batch(scenes(2, 2), 32)
         count = len(batch.images)
