@@ -84,6 +84,23 @@ def operators() -> dict[str, Tensor | list[Tensor]]:
     volume, points = p((1, 2, 2, 3, 4), 3), 1.6 * p((1, 1, 1, 5, 3), 4)
     out["GRID_SAMPLE_2D"] = [F.grid_sample(image, grid, padding_mode=m, align_corners=a) for m, a in modes]
     out["GRID_SAMPLE_3D"] = [F.grid_sample(volume, points, padding_mode=m, align_corners=a) for m, a in modes]
+    for name, mode, x, at in [
+        ("NEAREST_2D", "nearest", image, grid), ("NEAREST_3D", "nearest", volume, points), ("CUBIC_2D", "bicubic", image, grid)
+    ]:
+        out[f"GRID_SAMPLE_{name}"] = [F.grid_sample(x, at, mode, padding_mode=m, align_corners=a) for m, a in modes]
+
+    image, volume, line = p((1, 2, 5, 4), 1), p((1, 1, 3, 4, 2), 2), p((2, 1, 6), 3)
+    for name, x, size, mode in [
+        ("LINEAR_1D", line, 9, "linear"),
+        ("LINEAR_2D", image, (8, 7), "bilinear"),
+        ("CUBIC_2D", image, (8, 7), "bicubic"),
+        ("CUBIC_2D_SMALLER", image, (3, 2), "bicubic"),
+        ("LINEAR_3D", volume, (5, 3, 4), "trilinear"),
+    ]:
+        out[f"RESIZE_{name}"] = [F.interpolate(x, size=size, mode=mode, align_corners=a) for a in (False, True)]
+    image = p((1, 1, 9, 7), 4)
+    for name, mode in [("LINEAR", "bilinear"), ("CUBIC", "bicubic")]:
+        out[f"RESIZE_ANTIALIASED_{name}"] = F.interpolate(image, size=(4, 3), mode=mode, antialias=True)
     return out
 
 

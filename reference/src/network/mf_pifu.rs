@@ -24,7 +24,7 @@
 
 use super::layer::{Convolution, Doubling, GroupNorm, pair};
 use super::{Stages, Weights};
-use crate::nn::{self, Conv, GridSample, PaddingMode, Pool, Tensor};
+use crate::nn::{self, Conv, GridSample, PaddingMode, Pool, SampleMode, Tensor};
 
 /// The widths of one MF-PIFu.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -227,7 +227,8 @@ impl Query {
         );
         let (views, points) = (uv.shape[0], uv.shape[1]);
         let grid = uv.reshape(&[views, points, 1, 2]);
-        let bilinear = GridSample { padding: PaddingMode::Zeros, align_corners: false };
+        let bilinear =
+            GridSample { mode: SampleMode::Linear, padding: PaddingMode::Zeros, align_corners: false };
         let mut parts: Vec<Tensor> = features
             .iter()
             .map(|f| nn::grid_sample(f, &grid, bilinear).reshape(&[views, f.shape[1], points]))

@@ -22,7 +22,7 @@
 
 use super::layer::{BatchNorm, Convolution, batch_norm_weights, pair};
 use super::{Stages, Weights};
-use crate::nn::{self, Conv, GridSample, PaddingMode, Pool, Tensor};
+use crate::nn::{self, Conv, GridSample, PaddingMode, Pool, SampleMode, Tensor};
 
 /// The widths of one VSR.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -170,7 +170,8 @@ impl Query {
         );
         let count = points.shape[0];
         let grid = points.reshape(&[1, count, 1, 1, 3]);
-        let trilinear = GridSample { padding: PaddingMode::Border, align_corners: false };
+        let trilinear =
+            GridSample { mode: SampleMode::Linear, padding: PaddingMode::Border, align_corners: false };
         let sampled: Vec<Tensor> = features
             .iter()
             .map(|f| nn::grid_sample(f, &grid, trilinear).reshape(&[1, f.shape[1], count]))

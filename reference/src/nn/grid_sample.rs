@@ -1,4 +1,4 @@
-//! Grid sampling: an image read at points between its pixels, by linear interpolation along each axis.
+//! Grid sampling: an image read at points between its pixels: the nearest pixel, or a linear or cubic blend along each axis.
 //!
 //! # Conventions
 //! A grid point is (x, y) or (x, y, z): its *first* coordinate runs along the *last* axis of the image (W, then H, then D).
@@ -18,15 +18,34 @@
 //! Where p lies outside, `padding` decides: zeros; the nearest border pixel; or the image reflected at its ends
 //! (edges or centres, by the same rule) as often as needed.
 //!
+//! Half way between two pixels the nearest is the even one. The cubic kernel is Keys' with a = −¾; a point beyond the ends
+//! is moved onto the border pixel or reflected *before* its four neighbours are looked up, as ONNX's evaluator and ONNX
+//! Runtime do. PyTorch moves each neighbour instead: its cubic blend differs from this one beyond the ends of
+//! `PaddingMode::Border`, and nowhere else.
+//!
 //! # Rounding
-//! With p = i + f, i = ⌊p⌋, the answer is y = Σ over the 2^d corners of Π (f or 1 − f)·v: of d roundings for the 1 − f, d for the
+//! Linear: with p = i + f, i = ⌊p⌋, the answer is y = Σ over the 2^d corners of Π (f or 1 − f)·v: of d roundings for the 1 − f, d for the
 //! products, 2^d − 1 for the sum, on m = Σ w·|v|. But p itself is rounded: with |x| + 1 in place of x + 1 every way to evaluate it
 //! stays within γ_5·((|x| + 1)·W + 1)/2 of the true p (four operations and the subtraction of i), *absolutely*: coordinates
 //! near the middle of a large image keep few digits of f. That moves y by the local slope times as much. y is
 //! continuous and piecewise linear along an axis, so the slope is at most the largest difference of neighbouring pixels
 //! about the point; the 4^d pixels around the cell are searched, since the error may carry the point over a cell's border.
+//! Cubic: see [`interpolation`](super::interpolation). Nearest: nothing is rounded, but a point within its rounding of the
+//! middle between two pixels may fall to either: [`grid_sample_alternatives`].
 
-use super::{Scalar, Tensor};
+use super::interpolation::{Kernel, Stencil};
+use super::{Rounded, Scalar, Tensor, gamma};
+
+/// What is made of the pixels around a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleMode {
+    /// A blend of the two pixels along each axis.
+    Linear,
+    /// The nearest pixel, the even one half way.
+    Nearest,
+    /// A blend of four pixels along each axis by Keys' kernel with a = −¾.
+    Cubic,
+}
 
 /// What lies outside the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +61,8 @@ pub enum PaddingMode {
 /// How a grid addresses an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridSample {
+    /// What is made of the pixels around a point.
+    pub mode: SampleMode,
     /// What lies outside the image.
     pub padding: PaddingMode,
     /// Whether −1 and 1 are the centres of the border pixels (true) or the outer edges of the image (false).
@@ -54,8 +75,61 @@ pub struct GridSample {
 /// If the grid's rank, number of samples or last axis does not fit x.
 ///
 /// # References
-/// ONNX operator GridSample (version 22), mode linear; PyTorch's grid_sample, modes bilinear and trilinear.
+/// ONNX operator GridSample (versions 16, 20 and 22); PyTorch's grid_sample.
 pub fn grid_sample<T: Scalar>(x: &Tensor<T>, grid: &Tensor<T>, params: GridSample) -> Tensor<T> {
+    sampled(x, grid, params, &[])
+}
+
+/// What [`grid_sample`] may also give where a point lies within its rounding of a decision: of the nearest pixel, or of the end
+/// beyond which a cubic blend moves it to the border.
+///
+/// Each element of an implementation with this unit roundoff is right if it is that of one of these tensors, or of
+/// [`grid_sample`]. There is one tensor for each way in which the axes can fall, and none where no point is undecided.
+///
+/// # Panics
+/// As [`grid_sample`].
+pub fn grid_sample_alternatives<T: Scalar>(
+    x: &Tensor<T>,
+    grid: &Tensor<T>,
+    params: GridSample,
+    unit_roundoff: f64,
+) -> Vec<Tensor<T>> {
+    if params.mode == SampleMode::Linear {
+        return Vec::new();
+    }
+    let spatial = x.rank().saturating_sub(2).max(1);
+    let undecided = grid.data.iter().enumerate().any(|(i, &g)| {
+        let size = x.shape[x.rank() - 1 - i % spatial];
+        let [low, high] = [-unit_roundoff, unit_roundoff].map(|u| {
+            let p = moved(place(Rounded::within(g.value(), g.magnitude(), g.terms()), size, params), u);
+            match params.mode {
+                SampleMode::Cubic => f64::from(u8::from(beyond(p, size, params))),
+                _ => p.round_ties_even(),
+            }
+        });
+        low != high
+    });
+    if !undecided {
+        return Vec::new();
+    }
+    (0..1_usize << spatial)
+        .map(|choice| {
+            let shifts: Vec<f64> = (0..spatial)
+                .map(|axis| if choice >> axis & 1 == 0 { -unit_roundoff } else { unit_roundoff })
+                .collect();
+            sampled(x, grid, params, &shifts)
+        })
+        .collect()
+}
+
+/// [`grid_sample`] with the points moved along each axis by as much as arithmetic of this unit roundoff may move them; the sign says
+/// where to. No unit roundoffs move nothing.
+fn sampled<T: Scalar>(
+    x: &Tensor<T>,
+    grid: &Tensor<T>,
+    params: GridSample,
+    unit_roundoffs: &[f64],
+) -> Tensor<T> {
     let spatial = x.rank().saturating_sub(2);
     assert!(
         spatial > 0
@@ -76,21 +150,140 @@ pub fn grid_sample<T: Scalar>(x: &Tensor<T>, grid: &Tensor<T>, params: GridSampl
         for p in 0..points {
             let point = &grid.data[(n * points + p) * spatial..][..spatial];
             // The grid's first coordinate belongs to the last axis of the image.
-            let axes: Vec<Coordinate> =
-                (0..spatial).map(|a| Coordinate::new(point[spatial - 1 - a], size[a], params)).collect();
-            let corners = corners(&axes, size);
-            let around = if T::TRACKS_ROUNDING { neighbourhood(&axes, size) } else { Vec::new() };
+            let places = (0..spatial).map(|a| (a, place(point[spatial - 1 - a], size[a], params)));
+            let places = places.map(|(a, p)| match unit_roundoffs.get(a) {
+                Some(&u) => T::exact(moved(Rounded::within(p.value(), p.magnitude(), p.terms()), u)),
+                None => p,
+            });
+            let places: Vec<T> = places.collect();
+            let reader = Reader::new(&places, size, params);
             for c in 0..channels {
                 let image = &x.data[(n * channels + c) * pixels..][..pixels];
-                y.data[(n * channels + c) * points + p] = sample(image, &corners, &around, &axes);
+                y.data[(n * channels + c) * points + p] = reader.read(image);
             }
         }
     }
     y
 }
 
+/// The place p, in pixels of an axis, of a coordinate.
+fn place<T: Scalar>(x: T, size: usize, params: GridSample) -> T {
+    let (one, n) = (T::exact(1.0), T::exact(size as f64));
+    if params.align_corners {
+        x.plus(one) * (n - one) * T::exact(0.5)
+    } else {
+        (x.plus(one) * n).plus(-one) * T::exact(0.5)
+    }
+}
+
+/// A place moved to one end of what arithmetic of this unit roundoff may make of it.
+fn moved(p: Rounded, unit_roundoff: f64) -> f64 {
+    if p.terms == 0.0 {
+        return p.value;
+    }
+    p.value + unit_roundoff.signum() * gamma(p.terms, unit_roundoff.abs()) * p.magnitude
+}
+
+/// The ends of the image: the outer edges of its border pixels or their centres.
+fn ends(size: usize, params: GridSample) -> [f64; 2] {
+    let last = size as f64 - 1.0;
+    if params.align_corners { [0.0, last] } else { [-0.5, last + 0.5] }
+}
+
+/// Whether a place lies beyond the ends of the image.
+fn beyond(p: f64, size: usize, params: GridSample) -> bool {
+    let [first, last] = ends(size, params);
+    p < first || p > last
+}
+
+/// What reads one point from any image of the same size.
+pub(super) enum Reader<T> {
+    /// A blend of the corners of the cell; see [`sample`].
+    Linear { axes: Vec<Coordinate>, corners: Vec<(f64, usize)>, around: Vec<Option<usize>> },
+    /// One pixel, if it is not a zero.
+    Nearest(Option<usize>),
+    /// A blend along each axis, and the 4^d pixels that it reads, the last axis fastest.
+    Cubic { stencils: Vec<Stencil<T>>, pixels: Vec<Option<usize>> },
+}
+
+impl<T: Scalar> Reader<T> {
+    /// At a place along each axis, in pixels.
+    pub fn new(places: &[T], size: &[usize], params: GridSample) -> Reader<T> {
+        match params.mode {
+            SampleMode::Linear => {
+                let axes: Vec<Coordinate> =
+                    places.iter().zip(size).map(|(&p, &size)| Coordinate::new(p, size, params)).collect();
+                let corners = corners(&axes, size);
+                let around = if T::TRACKS_ROUNDING { neighbourhood(&axes, size) } else { Vec::new() };
+                Reader::Linear { axes, corners, around }
+            }
+            SampleMode::Nearest => {
+                Reader::Nearest(places.iter().zip(size).try_fold(0, |offset, (p, &size)| {
+                    Some(offset * size + pixel(p.value().round_ties_even(), size, params)?)
+                }))
+            }
+            SampleMode::Cubic => Self::cubic(places, size, params),
+        }
+    }
+
+    fn cubic(places: &[T], size: &[usize], params: GridSample) -> Reader<T> {
+        if places.iter().any(|p| !p.value().is_finite()) {
+            return Reader::Nearest(None);
+        }
+        let stencils: Vec<Stencil<T>> = places
+            .iter()
+            .zip(size)
+            .map(|(&p, &size)| Stencil::new(Kernel::Cubic(-0.75), returned(p, size, params)))
+            .collect();
+        let pixels = (0..1_usize << (2 * size.len()))
+            .map(|place| {
+                stencils.iter().zip(size).enumerate().try_fold(0, |offset, (a, (stencil, &size))| {
+                    let k = place >> (2 * (stencils.len() - 1 - a)) & 3;
+                    Some(offset * size + pixel(stencil.first as f64 + k as f64, size, params)?)
+                })
+            })
+            .collect();
+        Reader::Cubic { stencils, pixels }
+    }
+
+    /// The image at that place.
+    pub fn read(&self, image: &[T]) -> T {
+        match self {
+            Reader::Linear { axes, corners, around } => sample(image, corners, around, axes),
+            Reader::Nearest(pixel) => pixel.map_or(T::ZERO, |at| image[at]),
+            Reader::Cubic { stencils, pixels } => {
+                let mut values: Vec<T> =
+                    pixels.iter().map(|pixel| pixel.map_or(T::ZERO, |at| image[at])).collect();
+                let mut additions = 3.0;
+                for stencil in stencils.iter().rev() {
+                    values = values.chunks_exact(4).map(|row| stencil.blend(row, additions)).collect();
+                    additions *= 4.0;
+                }
+                values[0]
+            }
+        }
+    }
+}
+
+/// A place beyond the ends of the image moved onto the border pixel or reflected; zeros leave it where it is.
+fn returned<T: Scalar>(p: T, size: usize, params: GridSample) -> T {
+    if !beyond(p.value(), size, params) {
+        return p;
+    }
+    match params.padding {
+        PaddingMode::Zeros => p,
+        PaddingMode::Border => T::exact(p.value().clamp(0.0, size as f64 - 1.0)),
+        PaddingMode::Reflection => {
+            let [first, last] = ends(size, params);
+            let length = last - first;
+            let folded = if length > 0.0 { (p.value() - first).rem_euclid(2.0 * length) } else { 0.0 };
+            T::within(first + folded.min(2.0 * length - folded), p.magnitude(), p.terms())
+        }
+    }
+}
+
 /// Where a point lies along one axis.
-struct Coordinate {
+pub(super) struct Coordinate {
     /// f in [0, 1): the fraction of the way from pixel i to i + 1.
     fraction: f64,
     /// The pixels that stand at i − 1, i, i + 1, i + 2; `None` is a zero.
@@ -101,13 +294,7 @@ struct Coordinate {
 }
 
 impl Coordinate {
-    fn new<T: Scalar>(x: T, size: usize, params: GridSample) -> Coordinate {
-        let (one, n) = (T::exact(1.0), T::exact(size as f64));
-        let p = if params.align_corners {
-            x.plus(one) * (n - one) * T::exact(0.5)
-        } else {
-            (x.plus(one) * n).plus(-one) * T::exact(0.5)
-        };
+    fn new<T: Scalar>(p: T, size: usize, params: GridSample) -> Coordinate {
         let i = p.value().floor();
         let pixels = std::array::from_fn(|k| pixel(i + k as f64 - 1.0, size, params));
         Coordinate { fraction: p.value() - i, pixels, magnitude: p.magnitude(), terms: p.terms() + 1.0 }
@@ -202,8 +389,9 @@ mod tests {
     use super::super::goldens::{self, check, pattern};
     use super::*;
 
-    const EDGES: GridSample = GridSample { padding: PaddingMode::Zeros, align_corners: false };
-    const CENTRES: GridSample = GridSample { padding: PaddingMode::Zeros, align_corners: true };
+    const EDGES: GridSample =
+        GridSample { mode: SampleMode::Linear, padding: PaddingMode::Zeros, align_corners: false };
+    const CENTRES: GridSample = GridSample { align_corners: true, ..EDGES };
 
     /// A row of four pixels read at one x.
     fn at(x: f64, params: GridSample) -> f64 {
@@ -231,7 +419,7 @@ mod tests {
             with(PaddingMode::Reflection, 0.75),
             "a full period of 4"
         );
-        let centred = GridSample { padding: PaddingMode::Reflection, align_corners: true };
+        let centred = GridSample { padding: PaddingMode::Reflection, ..CENTRES };
         assert_eq!(at(-1.5, centred), at(-0.5, centred));
     }
 
@@ -263,10 +451,53 @@ mod tests {
         .into_iter()
         .enumerate()
         {
-            let params = GridSample { padding, align_corners };
+            let params = GridSample { mode: SampleMode::Linear, padding, align_corners };
             check(&grid_sample(&image, &grid, params), &goldens::GRID_SAMPLE_2D[k]);
             check(&grid_sample(&volume, &points, params), &goldens::GRID_SAMPLE_3D[k]);
+            let nearest = GridSample { mode: SampleMode::Nearest, ..params };
+            check(&grid_sample(&image, &grid, nearest), &goldens::GRID_SAMPLE_NEAREST_2D[k]);
+            check(&grid_sample(&volume, &points, nearest), &goldens::GRID_SAMPLE_NEAREST_3D[k]);
+            let cubic = GridSample { mode: SampleMode::Cubic, ..params };
+            if padding != PaddingMode::Border {
+                check(&grid_sample(&image, &grid, cubic), &goldens::GRID_SAMPLE_CUBIC_2D[k]);
+            }
         }
+    }
+
+    #[test]
+    fn a_cubic_blend_of_a_product_is_the_product_of_the_blends() {
+        let cubic = GridSample { mode: SampleMode::Cubic, ..CENTRES };
+        let rows = [1, 2, 3].map(|seed| pattern(&[1, 1, 1, 5], seed));
+        let place = [0.1, -0.2, 0.65];
+        let blends = [0, 1, 2]
+            .map(|a| grid_sample(&rows[a], &Tensor::new(&[1, 1, 1, 2], vec![place[a], 0.0]), cubic).data[0]);
+        let volume = Tensor::from_fn(&[1, 1, 5, 5, 5], |i| (0..3).map(|a| rows[a].data[i[a + 2]]).product());
+        let point = Tensor::new(&[1, 1, 1, 1, 3], vec![place[2], place[1], place[0]]);
+        let (found, expected) = (grid_sample(&volume, &point, cubic).data[0], blends.iter().product::<f64>());
+        assert!((found - expected).abs() < 1e-15, "{found} for {expected}");
+    }
+
+    #[test]
+    fn beyond_the_ends_a_cubic_blend_reads_the_border_pixel_alone() {
+        let cubic = |x| at(x, GridSample { mode: SampleMode::Cubic, padding: PaddingMode::Border, ..EDGES });
+        assert_eq!((cubic(-1.2), cubic(1.3)), (10.0, 80.0));
+        assert_ne!(cubic(-1.0), 10.0, "the edge itself is inside, and overshoots");
+    }
+
+    #[test]
+    fn half_way_the_nearest_pixel_is_even_and_either_where_rounding_decides() {
+        let nearest = GridSample { mode: SampleMode::Nearest, ..EDGES };
+        assert_eq!([-0.5, 0.0, 0.5].map(|x| at(x, nearest)), [10.0, 40.0, 40.0], "½, 1½, 2½");
+        let image = Tensor::new(&[1, 1, 1, 3], vec![10.0, 20.0, 40.0]).rounded();
+        let grid = |x: f64| Tensor::new(&[1, 1, 1, 2], vec![x, 0.0]).rounded();
+        let others = |x| {
+            let others = grid_sample_alternatives(&image, &grid(x), nearest, super::super::UNIT_ROUNDOFF_F32);
+            let mut values: Vec<f64> = others.iter().map(|y| y.data[0].value).collect();
+            values.dedup();
+            values
+        };
+        assert_eq!(others(1.0 / 3.0), [20.0, 40.0], "1½ but for rounding");
+        assert!(others(0.2).is_empty(), "far from the middle");
     }
 
     #[test]
@@ -303,10 +534,12 @@ mod tests {
     #[test]
     fn no_number_is_no_place() {
         assert_eq!(pixel(f64::NAN, 4, EDGES), None);
-        assert_eq!(
-            pixel(f64::INFINITY, 4, GridSample { padding: PaddingMode::Border, align_corners: false }),
-            None
-        );
+        assert_eq!(pixel(f64::INFINITY, 4, GridSample { padding: PaddingMode::Border, ..EDGES }), None);
+        let nan = Tensor::new(&[1, 1, 1, 2], vec![f64::NAN, 0.0]);
+        let image = Tensor::filled(&[1, 1, 2, 2], 7.0);
+        for mode in [SampleMode::Linear, SampleMode::Nearest, SampleMode::Cubic] {
+            assert_eq!(grid_sample(&image, &nan, GridSample { mode, ..EDGES }).data, [0.0], "{mode:?}");
+        }
     }
 
     #[test]

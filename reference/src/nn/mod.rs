@@ -31,21 +31,31 @@
 //! vectorises, and nothing more.
 
 pub mod activation;
+pub mod affine_grid;
 pub mod attention;
+pub mod col2im;
 pub mod convolution;
 pub mod cumulative;
+pub mod deform_conv;
+pub mod depth_to_space;
 pub mod determinant;
 pub mod einsum;
 pub mod elementwise;
 pub mod extremum;
 pub mod grid_sample;
+mod interpolation;
+pub mod local_response;
 pub mod matrix_product;
+pub mod max_unpool;
 pub mod movement;
 pub mod normalization;
+pub mod pad;
 pub mod pooling;
 pub mod rectifier;
 pub mod reduction;
+pub mod resize;
 pub mod ring;
+pub mod roi_align;
 pub mod rotary;
 pub mod rounded;
 pub mod scalar;
@@ -61,27 +71,41 @@ mod window;
 pub use activation::{
     gelu, gelu_tanh, hard_sigmoid, hard_swish, mish, sigmoid, softplus, softsign, swish, tanh,
 };
+pub use affine_grid::affine_grid;
 pub use attention::{Attended, Attention, attention, join_heads, split_heads};
+pub use col2im::col2im;
 pub use convolution::{Conv, conv};
 pub use cumulative::{Cumulative, cumulative_product, cumulative_sum};
+pub use deform_conv::deform_conv;
+pub use depth_to_space::{BlockOrder, depth_to_space, space_to_depth};
 pub use determinant::det;
 pub use einsum::{einsum, einsum_shape};
 pub use elementwise::{add, broadcast, clip, div, maximum, mean, minimum, mul, sub, sum};
 pub use extremum::place_of_extremum;
-pub use grid_sample::{GridSample, PaddingMode, grid_sample};
+pub use grid_sample::{GridSample, PaddingMode, SampleMode, grid_sample, grid_sample_alternatives};
+pub use local_response::{LocalResponse, local_response_norm};
 pub use matrix_product::{gemm, linear, matmul};
+pub use max_unpool::max_unpool;
 pub use movement::{concat, expand, gather, slice, tile, transpose};
 pub use normalization::{
     BatchNormTraining, LayerNorm, batch_norm, batch_norm_training, group_norm, instance_norm, layer_norm,
     mean_variance_norm, per_channel,
 };
-pub use pooling::{AveragePool, Pool, average_pool, global_average_pool, max_pool};
+pub use pad::{PadMode, center_crop_pad, pad};
+pub use pooling::{
+    AveragePool, Pool, average_pool, global_average_pool, global_lp_pool, global_max_pool, lp_pool, max_pool,
+    max_pool_indices,
+};
 pub use rectifier::{celu, elu, leaky_relu, prelu, relu, selu, shrink, thresholded_relu};
 pub use reduction::{
     reduce, reduce_l1, reduce_l2, reduce_log_sum, reduce_log_sum_exp, reduce_max, reduce_mean, reduce_min,
     reduce_prod, reduce_sum, reduce_sum_square,
 };
+pub use resize::{
+    CoordinateTransformation, Interpolation, NearestMode, Resize, ResizedAxis, resize, resize_alternatives,
+};
 pub use ring::Ring;
+pub use roi_align::{RoiAlign, max_roi_pool, roi_align};
 pub use rotary::{Pairs, rotary_embedding};
 pub use rounded::{Rounded, UNIT_ROUNDOFF_F32, gamma};
 pub use scalar::Scalar;
@@ -92,6 +116,7 @@ pub use step::{ceil, floor, modulo, round, sign};
 pub use tensor::Tensor;
 pub use transcendental::{Elementary, acos, atan, cos, exp, log, pow, sin};
 pub use transposed_convolution::{ConvTranspose, conv_transpose};
+pub use window::same_padding;
 
 #[cfg(test)]
 pub(crate) mod goldens;

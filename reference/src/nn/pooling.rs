@@ -1,4 +1,4 @@
-//! Max and average pooling in one, two and three dimensions.
+//! Max, average and length pooling in one, two and three dimensions.
 //!
 //! y[n, c, j] = max or mean over k of x[n, c, j·stride + k·dilation − padding]; padding is never the maximum, and enters
 //! the mean as zeros only where asked for.
@@ -6,6 +6,9 @@
 //! # How many windows?
 //! ⌊(n + padding − extent)/stride⌋ + 1; with `ceil_mode` ⌈·⌉ instead, so that a last window may hang over the end, but none
 //! that would start in the padding after the image.
+//!
+//! `auto_pad` is a padding like any other ([`same_padding`](super::same_padding)); with it or VALID, `ceil_mode` changes nothing, since
+//! ⌈(n − extent + 1)/stride⌉ is ⌊(n − extent)/stride⌋ + 1.
 //!
 //! Rounding: the maximum rounds nothing; the mean is a sum of its taps and a division (or a product with the reciprocal,
 //! one rounding more).
@@ -84,11 +87,46 @@ pub struct AveragePool {
 /// If the window does not fit the shape.
 ///
 /// # References
-/// ONNX operator MaxPool (version 22), without the indices.
+/// ONNX operator MaxPool (versions 8, 10, 11, 12 and 22), its first output.
 pub fn max_pool<T: Scalar>(x: &Tensor<T>, window: &Pool) -> Tensor<T> {
     let (axes, size) = window.axes("max_pool", &x.shape);
-    pool(x, axes, &size, |taps, _| {
-        taps.iter().copied().reduce(T::maximum).unwrap_or(T::exact(f64::NEG_INFINITY))
+    pool(x, axes, &size, |image, taps, _| {
+        taps.iter().map(|&tap| image[tap]).reduce(T::maximum).unwrap_or(T::exact(f64::NEG_INFINITY))
+    })
+}
+
+/// Where [`max_pool`] found the largest values: their places in x's elements, of equal ones the first.
+///
+/// Row-major places count from the first element of x. Column-major ones (ONNX's `storage_order` 1) have the axes of an image in the
+/// opposite order, the first spatial axis fastest; samples and channels stay where they are. A NaN is the largest; a
+/// window without a pixel has place −1.
+///
+/// # Panics
+/// As [`max_pool`].
+///
+/// # References
+/// ONNX operator MaxPool (version 22), its second output.
+pub fn max_pool_indices<T: Scalar>(x: &Tensor<T>, window: &Pool, column_major: bool) -> Tensor<i64> {
+    let (axes, size) = window.axes("max_pool", &x.shape);
+    let [depth, height, width] = axes.map(|axis| axis.input);
+    let mut image_start = 0;
+    let images = size.iter().product::<usize>().max(1);
+    let mut counted = 0;
+    pool(x, axes, &size, |image, taps, _| {
+        let largest = taps.iter().copied().reduce(|best, tap| {
+            let (old, new) = (image[best].value(), image[tap].value());
+            if new > old || (new.is_nan() && !old.is_nan()) { tap } else { best }
+        });
+        let place = largest.map_or(-1, |tap| {
+            let (z, y, x) = (tap / (height * width), tap / width % height, tap % width);
+            let within = if column_major { z + depth * (y + height * x) } else { tap };
+            (image_start + within) as i64
+        });
+        counted += 1;
+        if counted % images == 0 {
+            image_start += image.len();
+        }
+        place
     })
 }
 
@@ -98,13 +136,25 @@ pub fn max_pool<T: Scalar>(x: &Tensor<T>, window: &Pool) -> Tensor<T> {
 /// If the window does not fit the shape.
 ///
 /// # References
-/// ONNX operator AveragePool (version 22).
+/// ONNX operator AveragePool (versions 7, 10, 11, 19 and 22).
 pub fn average_pool<T: Scalar>(x: &Tensor<T>, params: &AveragePool) -> Tensor<T> {
     let (axes, size) = params.window.axes("average_pool", &x.shape);
-    pool(x, axes, &size, |taps, padded| {
+    pool(x, axes, &size, |image, taps, padded| {
         let count = if params.count_include_pad { padded } else { taps.len() };
-        mean_of(taps.iter().copied().fold(T::ZERO, T::plus), count)
+        mean_of(taps.iter().map(|&tap| image[tap]).fold(T::ZERO, T::plus), count)
     })
+}
+
+/// x [N,C,…] → [N,C,…], the length (Σ |x|^p)^{1/p} of each window; padding is zero.
+///
+/// # Panics
+/// If the window does not fit the shape, or p is zero.
+///
+/// # References
+/// ONNX operator LpPool (versions 2, 11, 18 and 22).
+pub fn lp_pool<T: Scalar>(x: &Tensor<T>, window: &Pool, p: u32) -> Tensor<T> {
+    let (axes, size) = window.axes("lp_pool", &x.shape);
+    pool(x, axes, &size, |image, taps, _| length_of(taps.iter().map(|&tap| image[tap]), p))
 }
 
 /// x [N,C,…] → [N,C,1,…], the mean of each image over all its pixels.
@@ -119,18 +169,75 @@ pub fn global_average_pool<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
     reduce_mean(x, &(2..x.rank()).collect::<Vec<_>>(), true)
 }
 
+/// x [N,C,…] → [N,C,1,…], the largest value of each image; a NaN wins.
+///
+/// # Panics
+/// If x is not [N,C,…].
+///
+/// # References
+/// ONNX operator GlobalMaxPool (version 1).
+pub fn global_max_pool<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
+    of_images("global_max_pool", x, |image| {
+        image.iter().copied().reduce(T::maximum).unwrap_or(T::exact(f64::NEG_INFINITY))
+    })
+}
+
+/// x [N,C,…] → [N,C,1,…], the length (Σ |x|^p)^{1/p} of each image.
+///
+/// # Panics
+/// If x is not [N,C,…], or p is zero.
+///
+/// # References
+/// ONNX operator GlobalLpPool (version 2).
+pub fn global_lp_pool<T: Scalar>(x: &Tensor<T>, p: u32) -> Tensor<T> {
+    of_images("global_lp_pool", x, |image| length_of(image.iter().copied(), p))
+}
+
+fn of_images<T: Scalar>(operator: &str, x: &Tensor<T>, reduce: impl Fn(&[T]) -> T) -> Tensor<T> {
+    assert!(x.rank() > 2, "{operator}: x must be [N,C,spatial…], found shape {:?}", x.shape);
+    let pixels: usize = x.shape[2..].iter().product();
+    let shape = [&x.shape[..2], &vec![1; x.rank() - 2]].concat();
+    let images = x.shape[0] * x.shape[1];
+    Tensor::new(&shape, (0..images).map(|i| reduce(&x.data[i * pixels..(i + 1) * pixels])).collect())
+}
+
 /// sum/count, however it is divided: fl(sum·fl(1/count)) has two roundings, fl(sum/count) one.
 pub(super) fn mean_of<T: Scalar>(sum: T, count: usize) -> T {
     sum * (T::exact(1.0) / T::exact(count as f64))
 }
 
-/// Apply `reduce` to the pixels under each window and the number of its taps in the padded image.
-fn pool<T: Scalar>(
+/// (Σ |x|^p)^{1/p}.
+///
+/// Rounding: a power costs p − 1 products, or two units of a library's pow; so does the root, whose exponent 1/p is itself
+/// rounded and moves the answer by |ln Σ|/p units.
+fn length_of<T: Scalar>(values: impl Iterator<Item = T>, p: u32) -> T {
+    assert!(p > 0, "lp_pool: p must be positive");
+    let order = f64::from(p);
+    let sum = values
+        .map(|x| {
+            let size = x.maximum(-x);
+            let (power, slope) = (size.value().powi(p as i32), order * size.value().powi(p as i32 - 1));
+            if p == 1 { size } else { size.function(power, slope, (order - 1.0).max(2.0)) }
+        })
+        .fold(T::ZERO, T::plus);
+    match p {
+        _ if sum.value() == 0.0 && sum.magnitude() == 0.0 => T::ZERO,
+        1 => sum,
+        2 => sum.sqrt(),
+        _ => {
+            let root = sum.value().powf(1.0 / order);
+            sum.function(root, root / (order * sum.value()), 2.0 + sum.value().ln().abs() / order)
+        }
+    }
+}
+
+/// Apply `reduce` to an image, the places of the pixels under each window, and the number of its taps in the padded image.
+fn pool<T: Scalar, U: Copy>(
     x: &Tensor<T>,
     axes: [Axis; 3],
     size: &[usize],
-    mut reduce: impl FnMut(&[T], usize) -> T,
-) -> Tensor<T> {
+    mut reduce: impl FnMut(&[T], &[usize], usize) -> U,
+) -> Tensor<U> {
     let mut y = Vec::with_capacity(x.shape[0] * x.shape[1] * size.iter().product::<usize>());
     let [az, ay, ax] = axes;
     let [depth, height, width] = lift(size, 1);
@@ -142,11 +249,11 @@ fn pool<T: Scalar>(
                     taps.clear();
                     for iz in (0..az.kernel).filter_map(|k| az.tap(oz, k)) {
                         for iy in (0..ay.kernel).filter_map(|k| ay.tap(oy, k)) {
-                            let row = &image[(iz * ay.input + iy) * ax.input..][..ax.input];
-                            taps.extend((0..ax.kernel).filter_map(|k| ax.tap(ox, k)).map(|ix| row[ix]));
+                            let row = (iz * ay.input + iy) * ax.input;
+                            taps.extend((0..ax.kernel).filter_map(|k| ax.tap(ox, k)).map(|ix| row + ix));
                         }
                     }
-                    y.push(reduce(&taps, padded(&az, oz) * padded(&ay, oy) * padded(&ax, ox)));
+                    y.push(reduce(image, &taps, padded(&az, oz) * padded(&ay, oy) * padded(&ax, ox)));
                 }
             }
         }
@@ -201,6 +308,33 @@ mod tests {
         assert_eq!(max_pool(&x(5), &ceil(2, 2, 0)).data, [1.0, 3.0, 4.0]);
         // ⌈(2 + 2 − 3)/3⌉ + 1 = 2 windows, but the second would start at pixel 2 of 2.
         assert_eq!(max_pool(&x(2), &ceil(3, 3, 1)).data, [1.0]);
+    }
+
+    #[test]
+    fn the_place_of_the_maximum_is_the_first_of_equals_in_either_order() {
+        let x = Tensor::new(&[1, 2, 2, 3], vec![1.0, 5.0, 5.0, 5.0, 0.0, 2.0, 7.0, 7.0, 9.0, 8.0, 9.0, 9.0]);
+        let window = Pool { stride: vec![1, 1], ..Pool::new(2, 2) };
+        assert_eq!(max_pool_indices(&x, &window, false).data, [1, 1, 10, 8]);
+        assert_eq!(max_pool_indices(&x, &window, true).data, [2, 2, 9, 10], "row + 2·column of each image");
+        let places = max_pool_indices(&x, &window, false);
+        let values = max_pool(&x, &window);
+        for (place, value) in places.data.iter().zip(&values.data) {
+            assert_eq!(x.data[*place as usize], *value);
+        }
+    }
+
+    #[test]
+    fn lengths_of_windows_are_sums_roots_and_cubes() {
+        let x = Tensor::new(&[1, 1, 4], vec![3.0, -4.0, 0.0, 2.0]);
+        let window = Pool { kernel: vec![2], stride: vec![2], ..Pool::new(1, 2) };
+        assert_eq!(lp_pool(&x, &window, 1).data, [7.0, 2.0]);
+        assert_eq!(lp_pool(&x, &window, 2).data, [5.0, 2.0]);
+        let cubes = lp_pool(&x, &window, 3).data;
+        assert!((cubes[0] - 91_f64.cbrt()).abs() < 1e-14 && (cubes[1] - 2.0).abs() < 1e-14, "{cubes:?}");
+        assert_eq!(global_lp_pool(&x, 2).data, [29_f64.sqrt()]);
+        assert_eq!(global_max_pool(&x), Tensor::new(&[1, 1, 1], vec![3.0]));
+        let zeros = Tensor::filled(&[1, 1, 4], 0.0).rounded();
+        assert_eq!(lp_pool(&zeros, &window, 3).values().data, [0.0, 0.0]);
     }
 
     #[test]

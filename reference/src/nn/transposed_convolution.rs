@@ -11,7 +11,7 @@
 //!
 //! Rounding: a dot product of (taps gathered)·(channels of a group) products and the bias.
 
-use super::window::{Axis, axes, lift};
+use super::window::{Axis, axes, lift, shared};
 use super::{Conv, Scalar, Tensor};
 
 /// How the kernel of a transposed convolution moves: those of a [`Conv`], and the rows its output size leaves open.
@@ -32,6 +32,27 @@ impl ConvTranspose {
     /// The same stride along every axis.
     pub fn stride(self, stride: usize) -> ConvTranspose {
         ConvTranspose { conv: self.conv.stride(stride), ..self }
+    }
+
+    /// The padding with which the output has this size: ONNX's `output_shape`, and `auto_pad` SAME with the size n·stride.
+    ///
+    /// (n − 1)·stride + output_padding + extent − size pixels are cut, an odd one at the end where `upper`, else at the
+    /// beginning (since opset 11; the text of older ones has it the other way). Where the size is more than there is, pixels are added
+    /// at the end.
+    ///
+    /// # Panics
+    /// If an axis has no input, kernel or size.
+    #[must_use]
+    pub fn sized(mut self, input: &[usize], kernel: &[usize], size: &[usize], upper: bool) -> ConvTranspose {
+        let Conv { stride, padding, dilation, .. } = &mut self.conv;
+        padding.fill([0, 0]);
+        let all = axes("conv_transpose", input, kernel, stride, dilation, padding);
+        for (a, axis) in all[3 - input.len()..].iter().enumerate() {
+            let full = axis.input.saturating_sub(1) * axis.stride + axis.extent() + self.output_padding[a];
+            padding[a] = shared(full.saturating_sub(size[a]), upper);
+            self.output_padding[a] += size[a].saturating_sub(full);
+        }
+        self
     }
 
     /// The same padding cut from every side of the output.
@@ -199,6 +220,19 @@ mod tests {
             &ConvTranspose::new(2).stride(2).padding(1),
         );
         assert_eq!(y.shape, [1, 3, 6, 10]);
+    }
+
+    #[test]
+    fn a_size_that_is_asked_for_is_cut_or_filled() {
+        let (x, w) =
+            (Tensor::new(&[1, 1, 3], vec![1.0, 10.0, 100.0]), Tensor::new(&[1, 1, 3], vec![1.0, 2.0, 3.0]));
+        let sized = |size, upper| {
+            conv_transpose(&x, &w, None, &ConvTranspose::new(1).stride(2).sized(&[3], &[3], &[size], upper))
+                .data
+        };
+        assert_eq!(sized(6, true), [1.0, 2.0, 13.0, 20.0, 130.0, 200.0]);
+        assert_eq!(sized(6, false), [2.0, 13.0, 20.0, 130.0, 200.0, 300.0]);
+        assert_eq!(sized(8, false), [1.0, 2.0, 13.0, 20.0, 130.0, 200.0, 300.0, 0.0]);
     }
 
     #[test]

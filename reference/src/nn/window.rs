@@ -44,6 +44,37 @@ impl Axis {
     }
 }
 
+/// The padding by which windows a stride apart give ⌈n/stride⌉ outputs per axis: ONNX's `auto_pad` SAME_UPPER and SAME_LOWER.
+///
+/// max(0, (⌈n/stride⌉ − 1)·stride + extent − n) zeros, shared evenly between the two ends; an odd one goes to the
+/// end where `upper`, else to the beginning.
+///
+/// # Panics
+/// If the parameters do not give every axis a kernel, stride and dilation, or one is zero.
+pub fn same_padding(
+    input: &[usize],
+    kernel: &[usize],
+    stride: &[usize],
+    dilation: &[usize],
+    upper: bool,
+) -> Vec<[usize; 2]> {
+    let explicit = vec![[0, 0]; input.len()];
+    let all = axes("same_padding", input, kernel, stride, dilation, &explicit);
+    all[3 - input.len()..]
+        .iter()
+        .map(|axis| {
+            let span = (axis.input.div_ceil(axis.stride)).saturating_sub(1) * axis.stride + axis.extent();
+            shared(span.saturating_sub(axis.input), upper)
+        })
+        .collect()
+}
+
+/// A total shared between two ends; an odd one goes to the second where `upper`.
+pub(super) fn shared(total: usize, upper: bool) -> [usize; 2] {
+    let (less, more) = (total / 2, total - total / 2);
+    if upper { [less, more] } else { [more, less] }
+}
+
 /// A value per spatial axis seen as three: the axes that a 1-D or 2-D operator lacks are flat and lead.
 pub(super) fn lift<A: Copy>(values: &[A], flat: A) -> [A; 3] {
     let mut lifted = [flat; 3];
@@ -90,6 +121,19 @@ pub(super) fn axes(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_same_padding_gives_an_output_per_stride_and_its_odd_zero_to_one_end() {
+        assert_eq!(same_padding(&[5, 5], &[3, 2], &[1, 1], &[1, 1], true), [[1, 1], [0, 1]]);
+        assert_eq!(same_padding(&[5, 5], &[3, 2], &[1, 1], &[1, 1], false), [[1, 1], [1, 0]]);
+        for (input, kernel, stride, dilation) in [(7, 3, 2, 1), (8, 3, 2, 2), (9, 1, 4, 1), (5, 4, 3, 3)] {
+            let [padding] = same_padding(&[input], &[kernel], &[stride], &[dilation], true)[..] else {
+                panic!()
+            };
+            let axis = Axis { input, kernel, stride, dilation, padding };
+            assert_eq!(axis.outputs(), Some(input.div_ceil(stride)), "{axis:?}");
+        }
+    }
 
     #[test]
     fn the_outputs_in_bounds_are_those_whose_tap_meets_a_pixel() {

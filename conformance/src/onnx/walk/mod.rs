@@ -5,7 +5,9 @@
 //!
 //! | file | operators that |
 //! |---|---|
-//! | `layers` | have windows: convolutions and pools |
+//! | `convolution`, `pooling` | have windows; what these have in common is in `window` |
+//! | `resampling` | read an image between its pixels |
+//! | `padding` | add and cut borders, and turn pixels into channels |
 //! | `functions` | are functions of one number, and activations |
 //! | `arithmetic` | add, multiply and choose, element by element |
 //! | `reductions` | run over axes: sums, means, extrema, softmax |
@@ -33,13 +35,17 @@ pub use super::value::{Data, Value};
 mod arithmetic;
 mod attention;
 mod choice;
+mod convolution;
 mod functions;
-mod layers;
 mod movement;
 mod normalizations;
+mod padding;
+mod pooling;
 mod products;
 mod reductions;
 mod refusal;
+mod resampling;
+mod window;
 
 /// The most elements that an output may have: 2²⁸, which take 6 GB with their bounds.
 pub const LARGEST: usize = 1 << 28;
@@ -171,7 +177,10 @@ pub fn evaluate<T: Scalar>(
     }
     let call = Call { node, operator, opset, operands };
     let families = [
-        layers::evaluate,
+        convolution::evaluate,
+        pooling::evaluate,
+        resampling::evaluate,
+        padding::evaluate,
         functions::evaluate,
         arithmetic::evaluate,
         reductions::evaluate,
@@ -191,6 +200,22 @@ pub fn evaluate<T: Scalar>(
     }
     let asked = |(name, value): (&String, Value<T>)| (!name.is_empty()).then_some(value);
     Ok(node.output.iter().zip(outputs).map(asked).collect())
+}
+
+/// What a node's first output may also be: where a coordinate lies within its rounding of a tie between two pixels, or a
+/// conversion to integers is not specified.
+///
+/// Each element of a second party with this unit roundoff is right if it is that of [`evaluate`] or of one of these. Most
+/// operators have none, and one that cannot be evaluated has none either.
+pub fn alternatives<T: Scalar>(
+    node: &NodeProto,
+    opset: i64,
+    operands: &[Option<&Value<T>>],
+    unit_roundoff: f64,
+) -> Vec<Value<T>> {
+    let operator = node.op_type.as_deref().unwrap_or_default();
+    let call = Call { node, operator, opset, operands };
+    caught(|| resampling::alternatives(&call, unit_roundoff)).and_then(|found| found).unwrap_or_default()
 }
 
 /// What a family says of a node: nothing if it is another's, else all outputs of the operator or what is not understood.
