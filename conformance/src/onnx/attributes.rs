@@ -83,6 +83,16 @@ impl<'a> Attributes<'a> {
         })
     }
 
+    /// A list of texts, if it is given.
+    ///
+    /// # Errors
+    /// When one is not UTF-8.
+    pub fn texts(&self, name: &str) -> Result<Option<Vec<&'a str>>, String> {
+        let Some(attribute) = self.get(name) else { return Ok(None) };
+        let texts: Result<_, _> = attribute.strings.iter().map(|text| std::str::from_utf8(text)).collect();
+        texts.map(Some).map_err(|_| format!("attribute \"{name}\" is not UTF-8"))
+    }
+
     /// One count per axis, or `default` on each.
     ///
     /// # Errors

@@ -42,8 +42,11 @@ pub mod determinant;
 pub mod einsum;
 pub mod elementwise;
 pub mod extremum;
+pub mod fourier;
 pub mod grid_sample;
 mod interpolation;
+pub mod likelihood;
+pub mod linear_attention;
 pub mod local_response;
 pub mod matrix_product;
 pub mod max_unpool;
@@ -52,6 +55,7 @@ pub mod normalization;
 pub mod pad;
 pub mod pooling;
 pub mod rectifier;
+pub mod recurrent;
 pub mod reduction;
 pub mod resize;
 pub mod ring;
@@ -82,7 +86,10 @@ pub use determinant::det;
 pub use einsum::{einsum, einsum_shape};
 pub use elementwise::{add, broadcast, clip, div, maximum, mean, minimum, mul, sub, sum};
 pub use extremum::place_of_extremum;
+pub use fourier::{Fourier, Window, dft, stft};
 pub use grid_sample::{GridSample, PaddingMode, SampleMode, grid_sample, grid_sample_alternatives};
+pub use likelihood::{Reduction, negative_log_likelihood};
+pub use linear_attention::{LinearAttention, linear_attention};
 pub use local_response::{LocalResponse, local_response_norm};
 pub use matrix_product::{gemm, linear, matmul};
 pub use max_unpool::max_unpool;
@@ -97,6 +104,7 @@ pub use pooling::{
     max_pool_indices,
 };
 pub use rectifier::{celu, elu, leaky_relu, prelu, relu, selu, shrink, thresholded_relu};
+pub use recurrent::{Direction, Gate, Recurred, Recurrent, gru, lstm, rnn};
 pub use reduction::{
     reduce, reduce_l1, reduce_l2, reduce_log_sum, reduce_log_sum_exp, reduce_max, reduce_mean, reduce_min,
     reduce_prod, reduce_sum, reduce_sum_square,

@@ -1,7 +1,8 @@
 //! Attention and rotary embedding.
 
 use vitruvian_reference::nn::{
-    Attention, Pairs, Scalar, Tensor, attention, concat, gather, join_heads, rotary_embedding, split_heads,
+    Attention, LinearAttention, Pairs, Scalar, Tensor, attention, concat, gather, join_heads,
+    linear_attention, rotary_embedding, split_heads,
 };
 
 use super::{Answer, Call, Data, Value, axes, room};
@@ -10,6 +11,7 @@ use crate::onnx::element::ElementType;
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
     Some(match call.operator {
         "Attention" => attended(call),
+        "LinearAttention" => linearly_attended(call),
         "RotaryEmbedding" => rotated(call).map(|y| vec![y]),
         _ => return None,
     })
@@ -117,6 +119,43 @@ fn mask<T: Scalar>(call: &Call<T>) -> Result<Option<Tensor<T>>, String> {
             return Err("operand 3 (attn_mask) holds integers, numbers or truths were expected".into());
         }
     })
+}
+
+/// Heads always lie side by side; their number is given.
+fn linearly_attended<T: Scalar>(call: &Call<T>) -> Result<Vec<Value<T>>, String> {
+    let attributes =
+        call.attributes(&["chunk_size", "kv_num_heads", "q_num_heads", "scale", "update_rule"])?;
+    let (q_heads, kv_heads) = (attributes.count("q_num_heads", 0)?, attributes.count("kv_num_heads", 0)?);
+    let flat = |i: usize, count: usize, name: &str| match call.numbers(i)? {
+        x if x.rank() == 3 => heads(x, count, name),
+        x => Err(format!("operand {i} has shape {:?}, [N,L,H·E] was expected", x.shape)),
+    };
+    let (q, k) = (flat(0, q_heads, "q_num_heads")?, flat(1, kv_heads, "kv_num_heads")?);
+    let v = flat(2, kv_heads, "kv_num_heads")?;
+    let (gated, corrected) = match attributes.text("update_rule", "gated_delta")? {
+        "linear" => (false, false),
+        "gated" => (true, false),
+        "delta" => (false, true),
+        "gated_delta" => (true, true),
+        other => return Err(format!("attribute \"update_rule\" is {other}")),
+    };
+    if call.optional(4).is_some() != gated || call.optional(5).is_some() != corrected {
+        return Err("operands 4 (decay) and 5 (beta) are not those that \"update_rule\" asks for".into());
+    }
+    let decay = gated.then(|| flat(4, kv_heads, "kv_num_heads")).transpose()?;
+    // One rate for all heads, or one for each.
+    let rates = |x: &Tensor<T>| if x.shape.last() == Some(&1) { 1 } else { kv_heads };
+    let beta = corrected.then(|| flat(5, rates(call.numbers(5)?), "kv_num_heads")).transpose()?;
+    let scale = attributes.float("scale", 0.0);
+    let params = LinearAttention {
+        decay: decay.as_ref(),
+        beta: beta.as_ref(),
+        past: call.optional_numbers(3)?,
+        scale: (scale != 0.0).then_some(scale),
+    };
+    let (y, state) = linear_attention(&q, &k, &v, &params);
+    let of_state = call.optional(3).map_or(call.operand(0)?.element, |past| past.element);
+    Ok(vec![call.like(join_heads(&y))?, Value::from_numbers(of_state, state)])
 }
 
 fn rotated<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {

@@ -14,6 +14,9 @@
 //! | `normalizations` | normalise |
 //! | `products` | multiply matrices and tensors |
 //! | `attention` | attend to tokens |
+//! | `recurrent` | are recurrent layers |
+//! | `losses` | measure how likely classes are |
+//! | `signals` | transform signals |
 //! | `choice` | compare, cast and choose |
 //! | `movement` | move elements and read shapes |
 //!
@@ -37,14 +40,17 @@ mod attention;
 mod choice;
 mod convolution;
 mod functions;
+mod losses;
 mod movement;
 mod normalizations;
 mod padding;
 mod pooling;
 mod products;
+mod recurrent;
 mod reductions;
 mod refusal;
 mod resampling;
+mod signals;
 mod window;
 
 /// The most elements that an output may have: 2²⁸, which take 6 GB with their bounds.
@@ -187,6 +193,9 @@ pub fn evaluate<T: Scalar>(
         normalizations::evaluate,
         products::evaluate,
         attention::evaluate,
+        recurrent::evaluate,
+        losses::evaluate,
+        signals::evaluate,
         choice::evaluate,
         movement::evaluate,
     ];
