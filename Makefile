@@ -1,5 +1,5 @@
 # The words that run everything. `make demo` and `make test` need cargo, python3 with pip, and the package registries.
-.PHONY: demo test check format lint docs arrows onnxruntime conformance models models-test thesis python data clean
+.PHONY: demo test check format lint docs arrows onnxruntime conformance node-tests models models-test thesis python data clean
 
 SHELL := /bin/bash
 CARGO ?= cargo
@@ -34,6 +34,11 @@ onnxruntime:
 # The long form of the operator suite: at least 10 000 random cases, a table per operator.
 conformance: onnxruntime
 	$(CARGO) run --release -p vitruvian-conformance --example sweep -- --cases 10000
+
+# The official ONNX backend tests, written by their pinned package (not committed), on every engine: docs/node_tests.md.
+node-tests: onnxruntime python
+	$(PYTHON) conformance/node_tests/generate.py
+	$(CARGO) run --release -p vitruvian-conformance --example node_tests -- -o docs/node_tests.md
 
 # PyTorch and the ONNX tools, pinned, for everything below.
 python: models/.venv/installed

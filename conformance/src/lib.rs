@@ -12,7 +12,8 @@
 //! - the exported graphs, node by node and stage by stage ([`suite::networks`]);
 //! - marching cubes, voxels and the inside test ([`suite::surface`]);
 //! - the skinning of bodies ([`suite::body`]);
-//! - rotations and cameras from a regressor's numbers ([`suite::regress`]).
+//! - rotations and cameras from a regressor's numbers ([`suite::regress`]);
+//! - the official ONNX backend tests ([`node_tests`]).
 //!
 //! `cargo test` runs a moderate number of problems, `VITRUVIAN_CASES=2000 cargo test` more, from `VITRUVIAN_SEED`; `make
 //! conformance` sweeps ten thousand and prints a table.
@@ -28,6 +29,7 @@ pub mod compare;
 pub mod convert;
 pub mod engine;
 pub mod error;
+pub mod node_tests;
 pub mod onnx;
 pub mod problem;
 pub mod suite;

@@ -5,7 +5,7 @@ use vitruvian_reference::network::{Weights, mf_pifu};
 use vitruvian_reference::nn::{
     AveragePool, Conv, ConvTranspose, GridSample, PaddingMode, Pool, Rounded, SampleMode, Tensor,
     UNIT_ROUNDOFF_F32, average_pool, batch_norm, concat, conv, conv_transpose, einsum, gamma, gather,
-    grid_sample, group_norm, matmul, max_pool, scatter_nd, transpose,
+    grid_sample, group_norm, matmul, max_pool, replace, scatter_nd, transpose,
 };
 
 /// A tensor of this shape with elements in [−1, 1].
@@ -187,7 +187,7 @@ proptest! {
     #[test]
     fn what_was_scattered_is_gathered_again(x in tensor(vec![6, 3]), rows in tensor(vec![3, 3]), first in 0..4usize) {
         let places = vec![first, (first + 3) % 6, (first + 1) % 6];
-        let y = scatter_nd(&x, &Tensor::new(&[3, 1], places.clone()), &rows);
+        let y = scatter_nd(&x, &Tensor::new(&[3, 1], places.clone()), &rows, replace);
         prop_assert_eq!(gather(&y, &Tensor::new(&[3], places.clone()), 0), rows);
         let others: Vec<usize> = (0..6).filter(|row| !places.contains(row)).collect();
         let others = Tensor::new(&[3], others);

@@ -86,7 +86,7 @@ impl OnnxRuntime {
 }
 
 /// A tensor handed to ONNX Runtime.
-fn given(name: &str, tensor: &TypedTensor) -> vitruvian_runtime::error::Result<Value> {
+pub(crate) fn given(name: &str, tensor: &TypedTensor) -> vitruvian_runtime::error::Result<Value> {
     let shape = &tensor.shape;
     match &tensor.elements {
         Elements::F32(v) => Value::new(name, shape, v.clone()),
@@ -106,7 +106,7 @@ fn given(name: &str, tensor: &TypedTensor) -> vitruvian_runtime::error::Result<V
 }
 
 /// A tensor taken from ONNX Runtime.
-fn taken(value: &Value) -> std::result::Result<TypedTensor, String> {
+pub(crate) fn taken(value: &Value) -> std::result::Result<TypedTensor, String> {
     fn all<T: Number>(value: &Value) -> std::result::Result<Vec<T>, String> {
         let numbers = value.numbers::<T>().map_err(|e| e.to_string())?;
         Ok(numbers.iter().cloned().collect())

@@ -75,6 +75,11 @@ impl Model {
         &self.bytes
     }
 
+    /// The graph itself.
+    pub fn graph(&self) -> &GraphProto {
+        &self.graph
+    }
+
     /// The nodes in topological order.
     pub fn nodes(&self) -> &[NodeProto] {
         &self.graph.node

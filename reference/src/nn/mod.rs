@@ -43,6 +43,7 @@ pub mod einsum;
 pub mod elementwise;
 pub mod extremum;
 pub mod fourier;
+pub mod gather;
 pub mod grid_sample;
 mod interpolation;
 pub mod likelihood;
@@ -51,9 +52,11 @@ pub mod local_response;
 pub mod matrix_product;
 pub mod max_unpool;
 pub mod movement;
+pub mod non_max_suppression;
 pub mod normalization;
 pub mod pad;
 pub mod pooling;
+pub mod quantization;
 pub mod rectifier;
 pub mod recurrent;
 pub mod reduction;
@@ -65,11 +68,14 @@ pub mod rounded;
 pub mod scalar;
 pub mod scaling;
 pub mod scatter;
+pub mod selection;
 pub mod softmax;
 pub mod step;
 pub mod tensor;
+pub mod top_k;
 pub mod transcendental;
 pub mod transposed_convolution;
+pub mod unique;
 mod window;
 
 pub use activation::{
@@ -87,13 +93,15 @@ pub use einsum::{einsum, einsum_shape};
 pub use elementwise::{add, broadcast, clip, div, maximum, mean, minimum, mul, sub, sum};
 pub use extremum::place_of_extremum;
 pub use fourier::{Fourier, Window, dft, stft};
+pub use gather::{gather, gather_elements, gather_nd};
 pub use grid_sample::{GridSample, PaddingMode, SampleMode, grid_sample, grid_sample_alternatives};
 pub use likelihood::{Reduction, negative_log_likelihood};
 pub use linear_attention::{LinearAttention, linear_attention};
 pub use local_response::{LocalResponse, local_response_norm};
 pub use matrix_product::{gemm, linear, matmul};
 pub use max_unpool::max_unpool;
-pub use movement::{concat, expand, gather, slice, tile, transpose};
+pub use movement::{concat, expand, reverse_sequence, slice, tile, transpose};
+pub use non_max_suppression::{NonMaxSuppression, non_max_suppression};
 pub use normalization::{
     BatchNormTraining, LayerNorm, batch_norm, batch_norm_training, group_norm, instance_norm, layer_norm,
     mean_variance_norm, per_channel,
@@ -103,6 +111,7 @@ pub use pooling::{
     AveragePool, Pool, average_pool, global_average_pool, global_lp_pool, global_max_pool, lp_pool, max_pool,
     max_pool_indices,
 };
+pub use quantization::{IntegerRange, quantize, quantize_dynamically, spread};
 pub use rectifier::{celu, elu, leaky_relu, prelu, relu, selu, shrink, thresholded_relu};
 pub use recurrent::{Direction, Gate, Recurred, Recurrent, gru, lstm, rnn};
 pub use reduction::{
@@ -118,12 +127,15 @@ pub use rotary::{Pairs, rotary_embedding};
 pub use rounded::{Rounded, UNIT_ROUNDOFF_F32, gamma};
 pub use scalar::Scalar;
 pub use scaling::{Length, lp_norm, rms_norm};
-pub use scatter::{scatter_elements, scatter_nd};
+pub use scatter::{replace, scatter_elements, scatter_nd};
+pub use selection::{compress, eye, non_zero, one_hot, triangle};
 pub use softmax::{hardmax, log_softmax, softmax};
 pub use step::{ceil, floor, modulo, round, sign};
 pub use tensor::Tensor;
+pub use top_k::top_k;
 pub use transcendental::{Elementary, acos, atan, cos, exp, log, pow, sin};
 pub use transposed_convolution::{ConvTranspose, conv_transpose};
+pub use unique::{Unique, unique};
 pub use window::same_padding;
 
 #[cfg(test)]

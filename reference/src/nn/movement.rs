@@ -92,34 +92,36 @@ pub fn tile<T: Copy>(x: &Tensor<T>, repeats: &[usize]) -> Tensor<T> {
     })
 }
 
-/// The slices of x at these places along an axis: the places' own axes stand where that axis was.
-///
-/// y\[a…, p…, b…\] = x\[a…, places\[p…\], b…\]; one place of rank 0 removes the axis.
+/// The first lengths\[b\] places of the time axis in reverse order, in every batch b; the places behind stay.
 ///
 /// # Panics
-/// If the axis or a place does not exist.
+/// If the two axes are one, there is not one length for each batch, or a length exceeds the time axis.
 ///
 /// # References
-/// ONNX operator Gather (version 13) with non-negative indices.
-pub fn gather<T: Copy>(x: &Tensor<T>, places: &Tensor<usize>, axis: usize) -> Tensor<T> {
-    assert!(axis < x.rank(), "gather: axis {axis} does not lie in shape {:?}", x.shape);
-    let length = x.shape[axis];
-    let (before, after) = (&x.shape[..axis], &x.shape[axis + 1..]);
-    let run: usize = after.iter().product();
-    let outer: usize = before.iter().product();
-    let mut data = Vec::with_capacity(outer * places.data.len() * run);
-    for block in 0..outer {
-        for &place in &places.data {
-            assert!(
-                place < length,
-                "gather: place {place} does not lie in axis {axis} of shape {:?}",
-                x.shape
-            );
-            let start = (block * length + place) * run;
-            data.extend_from_slice(&x.data[start..start + run]);
+/// ONNX operator ReverseSequence (version 10).
+pub fn reverse_sequence<T: Copy>(
+    x: &Tensor<T>,
+    lengths: &[usize],
+    batch_axis: usize,
+    time_axis: usize,
+) -> Tensor<T> {
+    let fits = batch_axis != time_axis
+        && x.shape.get(batch_axis) == Some(&lengths.len())
+        && lengths.iter().all(|n| x.shape.get(time_axis).is_some_and(|time| n <= time));
+    assert!(
+        fits,
+        "reverse_sequence: lengths {lengths:?} do not fit batch axis {batch_axis} and time axis {time_axis} of \
+         shape {:?}",
+        x.shape
+    );
+    Tensor::from_fn(&x.shape, |index| {
+        let mut from = index.to_vec();
+        let length = lengths[index[batch_axis]];
+        if index[time_axis] < length {
+            from[time_axis] = length - 1 - index[time_axis];
         }
-    }
-    Tensor { shape: [before, &places.shape, after].concat(), data }
+        x.at(&from)
+    })
 }
 
 #[cfg(test)]
@@ -171,19 +173,10 @@ mod tests {
     }
 
     #[test]
-    fn gathered_places_stand_where_their_axis_was() {
-        let x = Tensor::from_fn(&[2, 3, 2], |i| (100 * i[0] + 10 * i[1] + i[2]) as f64);
-        let y = gather(&x, &Tensor::new(&[2, 2], vec![2, 0, 0, 1]), 1);
-        assert_eq!(
-            (&y.shape[..], y.at(&[1, 0, 0, 1]), y.at(&[0, 1, 1, 0])),
-            (&[2, 2, 2, 2][..], 121.0, 10.0)
-        );
-        assert_eq!(gather(&x, &Tensor::new(&[], vec![1]), 0), slice(&x, 0, 1, 2, 1).reshape(&[3, 2]));
-    }
-
-    #[test]
-    #[should_panic(expected = "place 3 does not lie in axis 1 of shape [2, 3]")]
-    fn a_gathered_place_must_exist() {
-        gather(&Tensor::<f64>::zeros(&[2, 3]), &Tensor::new(&[1], vec![3]), 1);
+    fn a_sequence_is_reversed_as_far_as_it_reaches() {
+        let x = Tensor::from_fn(&[4, 2], |i| 10 * i[0] + i[1]);
+        let y = reverse_sequence(&x, &[3, 1], 1, 0);
+        assert_eq!(y.data, [20, 1, 10, 11, 0, 21, 30, 31]);
+        assert_eq!(reverse_sequence(&y, &[3, 1], 1, 0), x, "twice is not at all");
     }
 }

@@ -28,7 +28,7 @@ impl Window {
 }
 
 /// The spatial lengths of the weights.
-fn kernel_of<T: Scalar>(w: &Tensor<T>, image: &[usize]) -> Result<Vec<usize>, String> {
+fn kernel_of<T: Copy>(w: &Tensor<T>, image: &[usize]) -> Result<Vec<usize>, String> {
     match w.shape.get(2..) {
         Some(kernel) if kernel.len() == image.len() => Ok(kernel.to_vec()),
         _ => Err(format!("weights {:?} do not have the spatial axes of the image {image:?}", w.shape)),
@@ -37,12 +37,21 @@ fn kernel_of<T: Scalar>(w: &Tensor<T>, image: &[usize]) -> Result<Vec<usize>, St
 
 fn convolution<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
     let (x, w) = (call.numbers(0)?, call.numbers(1)?);
+    Ok(conv(x, w, call.optional_numbers(2)?, &window_over(call, x, w)?))
+}
+
+/// How weights slide over an image, by the attributes of a convolution.
+pub(super) fn window_over<T: Scalar, E: Copy>(
+    call: &Call<T>,
+    x: &Tensor<E>,
+    w: &Tensor<E>,
+) -> Result<Conv, String> {
     let attributes =
         call.attributes(&["auto_pad", "dilations", "group", "kernel_shape", "pads", "strides"])?;
     let ([samples, _], size) = image(x)?;
     let window = Window::of(attributes, size, Some(&kernel_of(w, size)?))?;
     window.room([samples, w.shape[0]], size)?;
-    Ok(conv(x, w, call.optional_numbers(2)?, &window.conv(attributes.count("group", 1)?)))
+    Ok(window.conv(attributes.count("group", 1)?))
 }
 
 fn transposed_convolution<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {

@@ -17,10 +17,16 @@
 //! | `recurrent` | are recurrent layers |
 //! | `losses` | measure how likely classes are |
 //! | `signals` | transform signals |
-//! | `choice` | compare, cast and choose |
-//! | `movement` | move elements and read shapes |
+//! | `bits` | work on the bits of integers |
+//! | `boxes` | choose among boxes |
+//! | `cast` | change the element type |
+//! | `choice` | compare, combine truths and choose |
+//! | `creation` | make tensors of shapes, patterns and constants |
+//! | `indexing` | pick elements by their places, and put others into theirs |
+//! | `movement` | move elements and change nothing else |
+//! | `quantization` | work on quantised numbers |
 //!
-//! `refusal` turns the reference's panics into errors.
+//! `graph` runs a whole graph; `refusal` turns the reference's panics into errors.
 //!
 //! Axes and other settings that newer versions of an operator take as an operand, and older ones as an attribute, are
 //! understood in both ways.
@@ -29,6 +35,7 @@ use std::ops::RangeInclusive;
 
 use vitruvian_reference::nn::{Scalar, Tensor};
 
+pub use self::graph::evaluate_graph;
 use self::refusal::caught;
 use super::attributes::Attributes;
 use super::element::ElementType;
@@ -37,15 +44,22 @@ pub use super::value::{Data, Value};
 
 mod arithmetic;
 mod attention;
+mod bits;
+mod boxes;
+mod cast;
 mod choice;
 mod convolution;
+mod creation;
 mod functions;
+mod graph;
+mod indexing;
 mod losses;
 mod movement;
 mod normalizations;
 mod padding;
 mod pooling;
 mod products;
+mod quantization;
 mod recurrent;
 mod reductions;
 mod refusal;
@@ -198,6 +212,12 @@ pub fn evaluate<T: Scalar>(
         signals::evaluate,
         choice::evaluate,
         movement::evaluate,
+        bits::evaluate,
+        boxes::evaluate,
+        cast::evaluate,
+        creation::evaluate,
+        indexing::evaluate,
+        quantization::evaluate,
     ];
     // The reference's operators panic where shapes do not fit: there it is a caller's mistake, here the file's.
     let answer =

@@ -1,20 +1,13 @@
-//! Operators that move elements, of whatever kind, and those that read and make shapes.
+//! Operators that move elements, of whatever kind, and change nothing else.
 
-use vitruvian_reference::nn::{
-    Scalar, Tensor, concat, expand, gather, scatter_elements, scatter_nd, tile, transpose,
-};
+use vitruvian_reference::nn::{Scalar, Tensor, concat, expand, gather, tile, transpose};
 
 use super::{Answer, Call, Value, axes, axis, broadcast, lengths, room};
-use crate::onnx::element::ElementType;
-use crate::onnx::typed_tensor::TypedTensor;
 
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
     let y = match call.operator {
         "Concat" => concatenated(call),
-        "Constant" => constant(call),
-        "ConstantOfShape" => filled(call),
-        // Dropout does nothing at inference.
-        "Dropout" | "Identity" => call.operand(0).cloned(),
+        "Dropout" => return Some(kept(call)),
         "Expand" => moved(call, |x| {
             let shape = lengths(&call.integers(1)?.data)?;
             room(&broadcast(&x.shape, &shape)?)?;
@@ -27,15 +20,11 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
             let rows = x.shape[..at].iter().product();
             Ok(x.reshape(&[rows, x.shape[at..].iter().product()]))
         }),
-        "Gather" => gathered(call),
-        "Range" => range(call),
+        "Identity" => call.operand(0).cloned(),
         "Reshape" => moved(call, |x| {
             let allowzero = call.attributes(&["allowzero"])?.flag("allowzero", false)?;
             Ok(x.reshape(&reshaped(&x.shape, &call.integers(1)?.data, allowzero)?))
         }),
-        "ScatterElements" => scattered(call),
-        "ScatterND" => scattered_slices(call),
-        "Shape" => shape(call),
         "Slice" => sliced(call),
         "Split" => return Some(split(call)),
         "Squeeze" => squeezed(call),
@@ -59,7 +48,7 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
 }
 
 /// The first operand with its elements moved.
-fn moved<T: Scalar>(
+pub(super) fn moved<T: Scalar>(
     call: &Call<T>,
     arrange: impl FnOnce(&Tensor<usize>) -> Result<Tensor<usize>, String>,
 ) -> Result<Value<T>, String> {
@@ -73,104 +62,24 @@ fn concatenated<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
     Value::arranged(&all, |places| Ok(concat(&places.iter().collect::<Vec<_>>(), axis(at, rank)?)))
 }
 
-fn constant<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    let known = ["value", "value_float", "value_floats", "value_int", "value_ints"];
-    let attributes = call.attributes(&known)?;
-    let floats = |shape: &[usize], list: &[f32]| {
-        let exact = list.iter().map(|&x| T::exact(x.into())).collect();
-        Value::from_numbers(ElementType::F32, Tensor::new(shape, exact))
-    };
-    if let Some(list) = attributes.integers("value_ints") {
-        Ok(Value::list(list))
-    } else if attributes.has("value_int") {
-        Value::from_integers(ElementType::I64, Tensor::new(&[], vec![attributes.int("value_int", 0)]))
-    } else if let Some(list) = attributes.floats("value_floats") {
-        Ok(floats(&[list.len()], list))
-    } else if attributes.has("value_float") {
-        Ok(floats(&[], &[attributes.float("value_float", 0.0) as f32]))
-    } else {
-        Value::of(&attributes.tensor("value")?)
-    }
-}
-
-fn filled<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    let attributes = call.attributes(&["value"])?;
-    let shape = lengths(&call.integers(0)?.data)?;
-    room(&shape)?;
-    let element = match attributes.has("value") {
-        true => {
-            let value = attributes.tensor("value")?;
-            Value::of(&TypedTensor::new(&[], value.elements)?)?
-        }
-        false => Value::from_numbers(ElementType::F32, Tensor::new(&[], vec![T::ZERO])),
-    };
-    Value::arranged(&[&element], |places| Ok(expand(&places[0], &shape)))
-}
-
-fn places(indices: &Tensor<i64>, length: usize) -> Result<Tensor<usize>, String> {
-    Ok(Tensor::new(&indices.shape, axes(&indices.data, length)?))
-}
-
-fn gathered<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    let at = call.attributes(&["axis"])?.int("axis", 0);
-    moved(call, |x| {
-        let at = axis(at, x.rank())?;
-        Ok(gather(x, &places(call.integers(1)?, x.shape[at])?, at))
-    })
-}
-
-fn range<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    let one = |i: usize| match call.integers(i)?.data[..] {
-        [value] => Ok(value),
-        _ => Err(format!("operand {i} has shape {:?}, one integer was expected", call.integers(i)?.shape)),
-    };
-    let (start, limit, delta) = (one(0)?, one(1)?, one(2)?);
-    if delta == 0 {
-        return Err("a step of 0 never ends".into());
-    }
-    let steps = (i128::from(limit) - i128::from(start)) / i128::from(delta);
-    room(&[usize::try_from(steps.max(0)).unwrap_or(usize::MAX)])?;
-    let reached = |i: &i64| if delta > 0 { *i < limit } else { *i > limit };
-    Ok(Value::list(
-        std::iter::successors(Some(start), |i| i.checked_add(delta)).take_while(reached).collect(),
-    ))
-}
-
-fn scattered<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    let attributes = call.attributes(&["axis", "reduction"])?;
-    unreduced(attributes.text("reduction", "none")?)?;
-    Value::arranged(&[call.operand(0)?, call.operand(2)?], |values| {
-        let at = axis(attributes.int("axis", 0), values[0].rank())?;
-        Ok(scatter_elements(&values[0], &places(call.integers(1)?, values[0].shape[at])?, &values[1], at))
-    })
-}
-
-fn scattered_slices<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    unreduced(call.attributes(&["reduction"])?.text("reduction", "none")?)?;
-    let indices = call.integers(1)?;
-    let depth = indices.shape.last().copied().ok_or("operand 1 has no axis")?;
-    Value::arranged(&[call.operand(0)?, call.operand(2)?], |values| {
-        // Each place of K numbers counts from the end where it is negative, axis by axis.
-        let place = |(k, &index): (usize, &i64)| {
-            let length = values[0].shape.get(k % depth.max(1)).copied();
-            axis(index, length.ok_or_else(|| format!("places of {depth} indices are too deep"))?)
+/// At inference Dropout does nothing, and its mask says so.
+fn kept<T: Scalar>(call: &Call<T>) -> Result<Vec<Value<T>>, String> {
+    call.attributes(&["ratio", "seed"])?;
+    let x = call.operand(0)?;
+    if let Some(training) = call.optional(2) {
+        let drops = match call.optional(1) {
+            Some(_) => call.numbers(1)?.data.iter().any(|ratio| ratio.value() != 0.0),
+            None => true,
         };
-        let places: Vec<usize> = indices.data.iter().enumerate().map(place).collect::<Result<_, _>>()?;
-        Ok(scatter_nd(&values[0], &Tensor::new(&indices.shape, places), &values[1]))
-    })
-}
-
-fn unreduced(reduction: &str) -> Result<(), String> {
-    if reduction == "none" { Ok(()) } else { Err(format!("reduction {reduction} is not understood")) }
-}
-
-fn shape<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    let attributes = call.attributes(&["end", "start"])?;
-    let shape = call.operand(0)?.shape();
-    let rank = shape.len() as i64;
-    let bound = |at: i64| (if at < 0 { at + rank } else { at }).clamp(0, rank) as usize;
-    let (start, end) = (bound(attributes.int("start", 0)), bound(attributes.int("end", rank)));
-    Ok(Value::list(shape[start..end.max(start)].iter().map(|&n| n as i64).collect()))
+        if training.truths()?.data.contains(&true) && drops {
+            return Err("training_mode 1 draws at random; only inference is defined here".into());
+        }
+    }
+    let mask = match call.opset {
+        ..10 => call.like(Tensor::filled(x.shape(), T::exact(1.0)))?,
+        _ => Value::from_truths(Tensor::filled(x.shape(), true)),
+    };
+    Ok(vec![x.clone(), mask])
 }
 
 fn sliced<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
@@ -183,8 +92,16 @@ fn sliced<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
         let mut y = x.clone();
         for (k, &at) in along.iter().enumerate() {
             let at = axis(at, x.rank())?;
-            let step = steps.map_or(1, |steps| steps.data[k]);
-            y = gather(&y, &range_of_slice(starts[k], ends[k], step, y.shape[at])?, at);
+            let step = steps.map_or(Some(1), |steps| steps.data.get(k).copied());
+            let (Some(&start), Some(&end), Some(step)) = (starts.get(k), ends.get(k), step) else {
+                return Err(format!(
+                    "{} axes have {} starts and {} ends",
+                    along.len(),
+                    starts.len(),
+                    ends.len()
+                ));
+            };
+            y = gather(&y, &range_of_slice(start, end, step, y.shape[at])?, at);
         }
         Ok(y)
     })

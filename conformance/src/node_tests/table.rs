@@ -1,0 +1,323 @@
+//! All cases on all parties, as a Markdown file.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::case::{self, Case};
+use super::engine::Engine;
+use super::expected::{Distance, Expected, numbers, passes_officially};
+use super::witness;
+use crate::error::Result;
+
+/// What was found about one case.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// `node`, `simple`, `pytorch-converted` or `pytorch-operator`.
+    pub kind: String,
+    /// The case.
+    pub name: String,
+    /// The operator that it is about.
+    pub operator: String,
+    /// The reference's own answer against the stored one, or why there is none.
+    pub reference: std::result::Result<Judged, String>,
+    /// Each engine's answer, in the order of the engines, or why there is none.
+    pub engines: Vec<std::result::Result<Judged, String>>,
+}
+
+/// An answer, judged.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// The distance from the reference: of the stored expectation in the reference's column, of the engine's answer in an
+    /// engine's; or which output has another type or shape. `None` where the reference does not compute the case.
+    pub distance: Option<std::result::Result<Distance, String>>,
+    /// Whether the answer meets the stored one by the official rule.
+    pub official: bool,
+}
+
+impl Judged {
+    /// Whether the reference has an opinion and it is that the difference cannot be rounding.
+    pub fn is_outside(&self) -> bool {
+        self.distance
+            .as_ref()
+            .is_some_and(|distance| !distance.as_ref().is_ok_and(|distance| distance.within))
+    }
+}
+
+/// Runs every case under `root` on the reference and the engines; `progress` is told how many are done.
+///
+/// # Errors
+/// When a folder cannot be read. A case that cannot be read is a row.
+pub fn run(
+    root: &Path,
+    engines: &mut [Box<dyn Engine>],
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Vec<Row>> {
+    let folders = case::folders(root)?;
+    let mut rows = Vec::new();
+    for (done, folder) in folders.iter().enumerate() {
+        progress(done, folders.len());
+        for (name, case) in case::read(folder)? {
+            rows.push(match case {
+                Ok(case) => judged(&case, engines),
+                Err(why) => unread(folder, name, &why, engines.len()),
+            });
+        }
+    }
+    // A graph that spells an operator out belongs to the operator.
+    let operators: BTreeMap<String, String> =
+        rows.iter().map(|row| (row.name.clone(), row.operator.clone())).collect();
+    for row in &mut rows {
+        if let Some((whole, _)) = row.name.split_once("_expanded") {
+            let operator = operators.get(whole).map_or("several", String::as_str);
+            row.operator = format!("{operator}, spelled out");
+        }
+    }
+    Ok(rows)
+}
+
+fn unread(folder: &Path, name: String, why: &str, engines: usize) -> Row {
+    let kind = folder.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
+    // The model may be readable where its data are not.
+    let model = crate::onnx::model::Model::read(&folder.join("model.onnx"));
+    let operator = model.map_or_else(|_| "several".into(), |model| operator(&model));
+    let not = || Err(why.to_string());
+    Row { kind, name, operator, reference: not(), engines: (0..engines).map(|_| not()).collect() }
+}
+
+fn operator(model: &crate::onnx::model::Model) -> String {
+    let mut operators = model.operators().into_iter();
+    operators.next().filter(|_| operators.next().is_none()).unwrap_or_else(|| "several".into())
+}
+
+fn judged(case: &Case, engines: &mut [Box<dyn Engine>]) -> Row {
+    let expected = Expected::of(case);
+    let stored: Vec<Vec<f64>> = case.outputs.iter().map(numbers).collect();
+    let official = |found: &[Vec<f64>]| {
+        found.len() == stored.len() && found.iter().zip(&stored).all(|(f, s)| passes_officially(f, s))
+    };
+    let reference = expected.as_ref().map_err(Clone::clone).map(|expected| Judged {
+        distance: Some(expected.distance(&case.outputs)),
+        official: official(&expected.rounded()),
+    });
+    let engines = engines
+        .iter_mut()
+        .map(|engine| {
+            let outputs = engine.run(case)?;
+            let same = |(found, stored): (&_, &_)| same_kind(found, stored);
+            let alike = outputs.iter().zip(&case.outputs).all(same);
+            Ok(Judged {
+                distance: expected.as_ref().ok().map(|expected| expected.distance(&outputs)),
+                official: alike && official(&outputs.iter().map(numbers).collect::<Vec<_>>()),
+            })
+        })
+        .collect();
+    Row {
+        kind: case.kind.clone(),
+        name: case.name.clone(),
+        operator: operator(&case.model),
+        reference,
+        engines,
+    }
+}
+
+fn same_kind(a: &crate::onnx::typed_tensor::TypedTensor, b: &crate::onnx::typed_tensor::TypedTensor) -> bool {
+    a.element() == b.element() && a.shape == b.shape
+}
+
+/// What one party did over several cases.
+#[derive(Default)]
+struct Tally {
+    computed: usize,
+    within: usize,
+    official: usize,
+    csu: f64,
+    ulp: u64,
+}
+
+impl Tally {
+    fn add(&mut self, judged: &std::result::Result<Judged, String>) {
+        let Ok(judged) = judged else { return };
+        self.computed += 1;
+        self.official += usize::from(judged.official);
+        if let Some(Ok(distance)) = &judged.distance {
+            self.within += usize::from(distance.within);
+            self.csu = self.csu.max(distance.csu);
+            self.ulp = self.ulp.max(distance.ulp);
+        }
+    }
+}
+
+/// The file: a summary, a line for each operator, and by name all that does not simply pass.
+pub fn markdown(version: &str, engines: &[&str], rows: &[Row]) -> String {
+    let mut text = String::new();
+    let mut write = |line: String| {
+        text.push_str(&line);
+        text.push('\n');
+    };
+    write("# The official ONNX backend tests".into());
+    write(String::new());
+    write(format!(
+        "{} cases of {}. `make node-tests` writes them and this file.",
+        rows.len(),
+        version.trim()
+    ));
+    write(HOW.into());
+    summary(engines, rows, &mut write);
+    operators(engines, rows, &mut write);
+    witnesses(rows, &mut write);
+    disagreements(engines, rows, &mut write);
+    unsupported(rows, &mut write);
+    text
+}
+
+const HOW: &str = "
+How to read it: the reference computes every case in f64 and derives, for every element, how far an answer in the graph's
+own precision may be off; *within* counts the cases whose every element stays inside (integers and truths exactly).
+Element type and shape must be the same in any case. *csu* is the largest error in units of one rounding of what the
+operator handled there, *ulp* the largest distance in numbers of the element type, both measured from the reference.
+The stored expectation is judged like any party; it was computed by NumPy. *Official* counts what meets the stored
+expectation by ONNX's own rule, 10⁻⁷ + 10⁻³·|expected|.
+";
+
+fn summary(engines: &[&str], rows: &[Row], write: &mut impl FnMut(String)) {
+    write("## Summary\n".into());
+    let columns: Vec<String> =
+        engines.iter().map(|name| format!("{name} runs | of which judged | within | official")).collect();
+    write(format!(
+        "| kind | cases | reference computes | stored within | official | {} |",
+        columns.join(" | ")
+    ));
+    write(format!("|---|{}", "---|".repeat(4 + 4 * engines.len())));
+    let mut kinds: Vec<&str> = rows.iter().map(|row| row.kind.as_str()).collect();
+    kinds.dedup();
+    kinds.push("all");
+    for kind in kinds {
+        let chosen: Vec<&Row> = rows.iter().filter(|row| kind == "all" || row.kind == kind).collect();
+        let own = tally(chosen.iter().map(|row| &row.reference));
+        let mut line =
+            format!("| {kind} | {} | {} | {} | {} |", chosen.len(), own.computed, own.within, own.official);
+        for k in 0..engines.len() {
+            let tally = tally(chosen.iter().map(|row| &row.engines[k]));
+            let judged = |row: &&&Row| row.engines[k].as_ref().is_ok_and(|judged| judged.distance.is_some());
+            let judged = chosen.iter().filter(judged).count();
+            let _ = write!(line, " {} | {judged} | {} | {} |", tally.computed, tally.within, tally.official);
+        }
+        write(line);
+    }
+}
+
+fn tally<'a>(all: impl Iterator<Item = &'a std::result::Result<Judged, String>>) -> Tally {
+    let mut tally = Tally::default();
+    all.for_each(|judged| tally.add(judged));
+    tally
+}
+
+fn operators(engines: &[&str], rows: &[Row], write: &mut impl FnMut(String)) {
+    write("\n## By operator\n".into());
+    let columns: Vec<String> =
+        engines.iter().map(|name| format!("{name}: runs | within | csu | ulp | official")).collect();
+    write(format!(
+        "| operator | cases | reference computes | stored: within | csu | ulp | official | {} |",
+        columns.join(" | ")
+    ));
+    write(format!("|---|{}", "---|".repeat(6 + 5 * engines.len())));
+    let mut groups: BTreeMap<&str, Vec<&Row>> = BTreeMap::new();
+    for row in rows {
+        groups.entry(&row.operator).or_default().push(row);
+    }
+    for (operator, rows) in groups {
+        let own = tally(rows.iter().map(|row| &row.reference));
+        let mut line = format!("| {operator} | {} | {} |", rows.len(), own.computed);
+        let mut cells = |tally: &Tally| {
+            let _ = write!(
+                line,
+                " {} | {} | {} | {} |",
+                tally.within,
+                number(tally.csu),
+                steps(tally.ulp),
+                tally.official
+            );
+        };
+        cells(&own);
+        for k in 0..engines.len() {
+            let tally = tally(rows.iter().map(|row| &row.engines[k]));
+            let _ = write!(line, " {} |", tally.computed);
+            let _ = write!(
+                line,
+                " {} | {} | {} | {} |",
+                tally.within,
+                number(tally.csu),
+                steps(tally.ulp),
+                tally.official
+            );
+        }
+        write(line);
+    }
+}
+
+fn number(csu: f64) -> String {
+    match csu {
+        0.0 => "0".into(),
+        0.1..1000.0 => format!("{csu:.1}"),
+        _ => format!("{csu:.0e}"),
+    }
+}
+
+fn steps(ulp: u64) -> String {
+    if ulp > 1_000_000_000 { "> 10⁹".into() } else { ulp.to_string() }
+}
+
+fn witnesses(rows: &[Row], write: &mut impl FnMut(String)) {
+    write("\n## Stored expectations outside of rounding\n".into());
+    write("| case | csu | ulp | largest error | why |\n|---|---|---|---|---|".into());
+    for row in rows {
+        let Ok(judged) = &row.reference else { continue };
+        let why = witness::reason(&row.name).unwrap_or("**not explained**");
+        match &judged.distance {
+            Some(Ok(Distance { within: false, csu, ulp, error })) => {
+                write(format!("| {} | {} | {} | {error:.1e} | {why} |", row.name, number(*csu), steps(*ulp)))
+            }
+            Some(Err(mismatch)) => write(format!("| {} | | | {mismatch} | {why} |", row.name)),
+            _ => {}
+        }
+    }
+}
+
+fn disagreements(engines: &[&str], rows: &[Row], write: &mut impl FnMut(String)) {
+    write("\n## Where the engines disagree with the reference\n".into());
+    write("| case | engine | csu | ulp | largest error | meets the stored expectation officially |".into());
+    write("|---|---|---|---|---|---|".into());
+    for row in rows {
+        for (engine, judged) in engines.iter().zip(&row.engines) {
+            let Ok(judged) = judged else { continue };
+            let official = if judged.official { "yes" } else { "no" };
+            match &judged.distance {
+                Some(Ok(Distance { within: false, csu, ulp, error })) => write(format!(
+                    "| {} | {engine} | {} | {} | {error:.1e} | {official} |",
+                    row.name,
+                    number(*csu),
+                    steps(*ulp)
+                )),
+                Some(Err(mismatch)) => {
+                    write(format!("| {} | {engine} | | | {mismatch} | {official} |", row.name));
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+fn unsupported(rows: &[Row], write: &mut impl FnMut(String)) {
+    write("\n## Cases that the reference does not compute\n".into());
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for row in rows {
+        if let Err(why) = &row.reference {
+            reasons.entry(why).or_default().push(&row.name);
+        }
+    }
+    write("| why | number | cases |\n|---|---|---|".into());
+    for (why, cases) in reasons {
+        write(format!("| {} | {} | {} |", why.replace('|', "\\|"), cases.len(), cases.join(", ")));
+    }
+}
