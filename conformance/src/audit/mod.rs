@@ -34,6 +34,7 @@ mod region;
 pub mod report;
 mod segment;
 pub mod slope;
+pub mod variant;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
