@@ -86,12 +86,15 @@ pub fn attribute(
     let rows = subject.rows()?;
     let grouped = rows.len() > LARGEST;
     let size = rows.len().div_ceil(LARGEST).max(1);
-    let mut groups: Vec<_> = (0..rows.len()).step_by(size).map(|from| from..(from + size).min(rows.len())).collect();
+    let mut groups: Vec<_> =
+        (0..rows.len()).step_by(size).map(|from| from..(from + size).min(rows.len())).collect();
     let mut priced = subject.price(&rows, &groups, finish, progress)?;
     if grouped {
         priced.sort_by(|a, b| weight(b, &whole).total_cmp(&weight(a, &whole)));
-        let (dear, rest): (Vec<_>, Vec<_>) =
-            priced.into_iter().enumerate().partition(|(place, group)| *place < REFINED && group.rows.len() > 1);
+        let (dear, rest): (Vec<_>, Vec<_>) = priced
+            .into_iter()
+            .enumerate()
+            .partition(|(place, group)| *place < REFINED && group.rows.len() > 1);
         groups = dear.into_iter().flat_map(|(_, group)| group.rows.map(|row| row..row + 1)).collect();
         groups.sort_by_key(|group| group.start);
         priced = rest.into_iter().map(|(_, group)| group).collect();
@@ -101,7 +104,11 @@ pub fn attribute(
     costs.sort_by(|a, b| dearness(b).total_cmp(&dearness(a)));
     let explained = costs.iter().map(|cost| cost.share).sum();
     let sum = costs.iter().filter_map(|cost| cost.alone).sum();
-    let how = if grouped { format!(", in groups of {size} of which the {REFINED} dearest were taken apart") } else { String::new() };
+    let how = if grouped {
+        format!(", in groups of {size} of which the {REFINED} dearest were taken apart")
+    } else {
+        String::new()
+    };
     Ok(Attribution {
         method: format!(
             "{} places where the variant computes something else, each alone in the base on {} input(s){how}",
@@ -153,7 +160,8 @@ impl Subject<'_> {
         let rewriting = Rewriting { feeds: &feeds, outputs: &outputs, as_made: true, ..Default::default() };
         let mut runner = self.variant.runner(&rewriting)?;
         let fed: BTreeMap<String, &str> = pairs.iter().map(|(b, v)| (feed(v), *b)).collect();
-        let named: BTreeMap<&str, &str> = self.input_pairs.iter().map(|(b, v)| (v.as_str(), b.as_str())).collect();
+        let named: BTreeMap<&str, &str> =
+            self.input_pairs.iter().map(|(b, v)| (v.as_str(), b.as_str())).collect();
 
         let mut differences: BTreeMap<&str, Vec<Array>> = BTreeMap::new();
         for (inputs, recorded) in self.inputs.iter().zip(self.recorded) {
@@ -202,7 +210,7 @@ impl Subject<'_> {
             let members = &rows[together[0].start..together[together.len() - 1].end];
             let mut session = self.suffix(members)?;
             for group in together {
-                progress(priced.len(), groups.len(), &rows[group.end - 1].tensor);
+                progress(priced.len(), groups.len(), "attributing");
                 let outputs: Result<Vec<Outputs>> = (0..self.inputs.len())
                     .map(|draw| finish(draw, self.nudged(&mut session, members, &rows[group.clone()], draw)?))
                     .collect();
@@ -233,10 +241,13 @@ impl Subject<'_> {
     /// The base's outputs with the differences of a group added.
     fn nudged(&self, session: &mut Runner, members: &[Row], group: &[Row], draw: usize) -> Result<Outputs> {
         let recorded = &self.recorded[draw];
-        let mut given: BTreeMap<String, &Array> = recorded.iter().map(|(t, array)| (feed(t), array)).collect();
+        let mut given: BTreeMap<String, &Array> =
+            recorded.iter().map(|(t, array)| (feed(t), array)).collect();
         let zeros: Vec<(String, Array)> = members
             .iter()
-            .map(|row| (nudge(&row.tensor), Array::new(&vec![1; recorded[&row.tensor].shape.len()], vec![0.0])))
+            .map(|row| {
+                (nudge(&row.tensor), Array::new(&vec![1; recorded[&row.tensor].shape.len()], vec![0.0]))
+            })
             .collect();
         given.extend(zeros.iter().map(|(name, zero)| (name.clone(), zero)));
         given.extend(group.iter().map(|row| (nudge(&row.tensor), &row.differences[draw])));
@@ -252,8 +263,10 @@ impl Subject<'_> {
             all.into_iter().map(|place| flow.node_name(place)).collect()
         };
         let base_places: BTreeSet<usize> = members.iter().flat_map(|row| &row.base_places).copied().collect();
-        let operators: Vec<&str> =
-            base_places.iter().map(|&p| self.base.nodes()[p].op_type.as_deref().unwrap_or_default()).collect();
+        let operators: Vec<&str> = base_places
+            .iter()
+            .map(|&p| self.base.nodes()[p].op_type.as_deref().unwrap_or_default())
+            .collect();
         let maker = |row: &Row| self.base.node_name(self.base.maker[&row.tensor]);
         let name = match members {
             [only] => maker(only),
@@ -279,7 +292,8 @@ fn counted(operators: &[&str]) -> String {
     for operator in operators {
         *counts.entry(operator).or_default() += 1;
     }
-    let words: Vec<String> = counts.into_iter().map(|(operator, count)| format!("{count} {operator}")).collect();
+    let words: Vec<String> =
+        counts.into_iter().map(|(operator, count)| format!("{count} {operator}")).collect();
     words.join(", ")
 }
 

@@ -55,7 +55,8 @@ impl Flow {
                 }
             }
         }
-        let made = live.iter().filter(|name| maker.contains_key(*name)).map(String::as_str).collect::<Vec<_>>();
+        let made =
+            live.iter().filter(|name| maker.contains_key(*name)).map(String::as_str).collect::<Vec<_>>();
         let floats = float_elements(name, bytes, &made)?;
         let outputs = names(&graph.output);
         Ok(Self { name: name.to_owned(), model, inputs, outputs, maker, floats, live })
@@ -69,6 +70,26 @@ impl Flow {
     /// The operator that makes a tensor; "" for an input or a constant.
     pub fn operator(&self, tensor: &str) -> &str {
         self.maker.get(tensor).map_or("", |&place| self.nodes()[place].op_type.as_deref().unwrap_or_default())
+    }
+
+    /// The version of ONNX's own operators, 0 where the file does not say.
+    pub fn opset(&self) -> i64 {
+        let own = |set: &&crate::onnx::message::OperatorSetIdProto| {
+            matches!(set.domain.as_deref(), None | Some("" | "ai.onnx"))
+        };
+        self.model.opset_import.iter().find(own).and_then(|set| set.version).unwrap_or(0)
+    }
+
+    /// The element type that an input is declared to have; `None` for what is no input.
+    pub fn input_element(&self, name: &str) -> Option<ElementType> {
+        if !self.inputs.iter().any(|input| input == name) {
+            return None;
+        }
+        let inputs = self.model.graph.iter().flat_map(|graph| &graph.input);
+        let tensor = inputs
+            .filter(|info| info.name.as_deref() == Some(name))
+            .find_map(|info| info.r#type.as_ref()?.tensor_type.as_ref());
+        tensor.and_then(|tensor| ElementType::from_number(tensor.elem_type?))
     }
 
     /// The element type of an input or output in words, such as `f32`; "" where the file does not say.
@@ -126,6 +147,15 @@ impl Flow {
         Runner::new(&self.name, &bytes)
     }
 
+    /// The graph as it is, loaded.
+    ///
+    /// # Errors
+    /// When it cannot be loaded.
+    pub fn outputs_runner(&self) -> Result<Runner> {
+        let wanted: Vec<&str> = self.outputs.iter().map(String::as_str).collect();
+        self.runner(&Rewriting { outputs: &wanted, ..Default::default() })
+    }
+
     /// What all floats hold on these inputs, by the tensors' own names.
     ///
     /// # Errors
@@ -167,6 +197,7 @@ fn float_elements(name: &str, bytes: &[u8], tensors: &[&str]) -> Result<BTreeMap
         "bf16" => Some(16),
         _ => None,
     };
-    let floats = session.outputs().iter().filter_map(|info| Some((info.name.clone(), number(&info.element)?)));
+    let floats =
+        session.outputs().iter().filter_map(|info| Some((info.name.clone(), number(&info.element)?)));
     Ok(floats.filter(|(name, _)| tensors.contains(&name.as_str())).collect())
 }

@@ -14,7 +14,7 @@
 //! A pair must agree in shape and, up to [`FAR`], in its numbers on the inputs given: exporters reuse names.
 
 use std::collections::BTreeMap;
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::hash::{DefaultHasher, Hasher as _};
 
 use super::flow::Flow;
 use super::report::Matched;
@@ -106,19 +106,31 @@ impl Matching {
         free
     }
 
-    fn by_structure(&mut self, base: &Flow, variant: &Flow, recorded: (&Arrays, &Arrays), inputs: &[(String, String)]) -> usize {
+    fn by_structure(
+        &mut self,
+        base: &Flow,
+        variant: &Flow,
+        recorded: (&Arrays, &Arrays),
+        inputs: &[(String, String)],
+    ) -> usize {
         let mut anchors = (BTreeMap::new(), BTreeMap::new());
-        for (number, (b, v)) in inputs.iter().map(|(b, v)| (b.as_str(), v.as_str())).chain(self.pairs()).enumerate() {
+        for (number, (b, v)) in
+            inputs.iter().map(|(b, v)| (b.as_str(), v.as_str())).chain(self.pairs()).enumerate()
+        {
             anchors.0.insert(b.to_owned(), number as u64);
             anchors.1.insert(v.to_owned(), number as u64);
         }
         let labels = (labels(base, &anchors.0), labels(variant, &anchors.1));
         let mut alike: BTreeMap<u64, Vec<&str>> = BTreeMap::new();
-        for (tensor, &label) in labels.1.iter().filter(|(t, _)| recorded.1.contains_key(**t) && self.base(t).is_none()) {
+        for (tensor, &label) in
+            labels.1.iter().filter(|(t, _)| recorded.1.contains_key(**t) && self.base(t).is_none())
+        {
             alike.entry(label).or_default().push(tensor);
         }
         let mut found = Vec::new();
-        for (tensor, label) in labels.0.iter().filter(|(t, _)| recorded.0.contains_key(**t) && self.variant(t).is_none()) {
+        for (tensor, label) in
+            labels.0.iter().filter(|(t, _)| recorded.0.contains_key(**t) && self.variant(t).is_none())
+        {
             for other in alike.get(label).into_iter().flatten() {
                 let apart = distance(&recorded.0[*tensor], &recorded.1[*other]);
                 // Of a tensor and its casts, the one that the same operator makes.
@@ -128,7 +140,9 @@ impl Matching {
                 }
             }
         }
-        found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then_with(|| (&a.2, &a.3).cmp(&(&b.2, &b.3))));
+        found.sort_by(|a, b| {
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then_with(|| (&a.2, &a.3).cmp(&(&b.2, &b.3)))
+        });
         found.into_iter().filter(|(_, _, b, v)| self.insert(b, v)).count()
     }
 
@@ -185,7 +199,8 @@ fn labels<'a>(flow: &'a Flow, anchors: &BTreeMap<String, u64>) -> BTreeMap<&'a s
         labels.insert(input, hash(&("anchor", anchors.get(input))));
     }
     for node in flow.nodes() {
-        let read: Vec<u64> = node.input.iter().map(|name| labels.get(name.as_str()).copied().unwrap_or(0)).collect();
+        let read: Vec<u64> =
+            node.input.iter().map(|name| labels.get(name.as_str()).copied().unwrap_or(0)).collect();
         let operator = node.op_type.as_deref().unwrap_or_default();
         for (place, output) in node.output.iter().enumerate().filter(|(_, name)| flow.is_live(name)) {
             let label = match anchors.get(output) {

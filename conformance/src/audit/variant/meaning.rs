@@ -33,7 +33,7 @@ impl Meaning {
     ///
     /// # Errors
     /// As the rulers' own.
-    pub fn ruler(&self, base: &[Outputs]) -> Result<Box<dyn Ruler>, String> {
+    pub fn ruler(&self, base: &[Outputs]) -> std::result::Result<Box<dyn Ruler>, String> {
         Ok(match self {
             Meaning::Body(source) => Box::new(BodyRuler::new(source.clone(), base)?),
             Meaning::Field(lattice) => Box::new(FieldRuler::new(lattice.clone(), base)?),
@@ -66,7 +66,9 @@ impl Declared {
         let says = session.metadata().get("vitruvian.kind").cloned();
         let has_side_file = path.with_extension("toml").is_file();
         let names = |session: &Session| -> (Vec<String>, Vec<String>) {
-            let of = |infos: &[vitruvian_runtime::session::TensorInfo]| infos.iter().map(|i| i.name.clone()).collect();
+            let of = |infos: &[vitruvian_runtime::session::TensorInfo]| {
+                infos.iter().map(|i| i.name.clone()).collect()
+            };
             (of(session.inputs()), of(session.outputs()))
         };
         let mut refusal = None;

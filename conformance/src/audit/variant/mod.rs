@@ -16,6 +16,7 @@
 //! | [`meaning`], [`setup`] | what outputs mean; the inputs; the second graph of an implicit function |
 //! | [`surgery`], [`runner`], [`flow`] | graphs cut open, nudged and run |
 //! | [`matching`], [`attribution`] | which tensors are the same; which nodes cost the millimetres |
+//! | [`truth`] | the base by the reference in f64 |
 //! | [`lowering`], [`plan`] | a graph with some nodes in f16 or int8; which to keep in f32 |
 
 use std::path::{Path, PathBuf};
@@ -33,7 +34,6 @@ use matching::Matching;
 use report::{DiffReport, Paired, Pairing, SCHEMA, Side, Statistic};
 use runner::Arrays;
 use setup::Setup;
-use surgery::Rewriting;
 
 pub mod attribution;
 pub mod flow;
@@ -48,8 +48,13 @@ pub mod runner;
 pub mod setup;
 pub mod surgery;
 pub mod topology;
+pub mod truth;
 
+pub use lowering::Precision;
 pub use plan::plan;
+
+#[cfg(test)]
+mod tests;
 
 /// How two graphs are compared.
 #[derive(Clone, Debug)]
@@ -162,17 +167,9 @@ pub fn diff(
         },
     };
     let parties = (party(flows.0, base_dump), party(flows.1, variant_dump));
-    let side = |path: &Path, bytes: &[u8], party: &Party| Side {
-        path: path.display().to_string(),
-        sha256: Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect(),
-        runtime: match party {
-            Party::Graph(_) => "ONNX Runtime, optimisation off".to_owned(),
-            Party::Dump(_) => format!("npz:{}", path.display()),
-        },
-        nodes: match party {
-            Party::Graph(flow) => flow.nodes().len(),
-            Party::Dump(_) => 0,
-        },
+    let side = |path: &Path, bytes: &[u8], party: &Party| match party {
+        Party::Graph(flow) => side_of(path, bytes, flow.nodes().len()),
+        Party::Dump(_) => Side { runtime: format!("npz:{}", path.display()), ..side_of(path, bytes, 0) },
     };
     let sides = (side(base, &base_bytes, &parties.0), side(variant, &variant_bytes, &parties.1));
 
@@ -180,7 +177,15 @@ pub fn diff(
     let input_pairs = names_of(&pairing.inputs);
     let output_pairs = names_of(&pairing.outputs);
     progress(0, 3, "running both");
-    let base_outputs = outputs(&parties.0, &inputs, &[])?;
+    let (base_outputs, truth) = match &parties.0 {
+        Party::Graph(flow) if options.reference => {
+            let exact: Result<Vec<Outputs>> =
+                inputs.iter().map(|given| truth::outputs(flow, given)).collect();
+            (exact?, "the base by the reference, every node in f64")
+        }
+        Party::Graph(_) => (outputs(&parties.0, &inputs, &[])?, "the base by ONNX Runtime, optimisation off"),
+        Party::Dump(_) => (outputs(&parties.0, &inputs, &[])?, "the base's dump"),
+    };
     let variant_outputs: Vec<Outputs> = outputs(&parties.1, &inputs, &input_pairs)?
         .into_iter()
         .map(|outputs| renamed(outputs, &output_pairs))
@@ -195,14 +200,22 @@ pub fn diff(
     let variant_finished = finished(&variant_outputs, &mut setup)?;
     let ruler = setup.meaning.ruler(&base_finished).map_err(|message| fault(&sides.0.path, message))?;
     let mut notes = std::mem::take(&mut setup.notes);
-    let (geometry, distances) = ruler.report(&variant_finished).map_err(|message| fault(&sides.1.path, message))?;
+    let (geometry, distances) =
+        ruler.report(&variant_finished).map_err(|message| fault(&sides.1.path, message))?;
     let view = ruler.view(&variant_finished).map_err(|message| fault(&sides.1.path, message))?;
 
     let attribution = match (&parties, options.attribute) {
         ((Party::Graph(base), Party::Graph(variant)), true) => {
             progress(2, 3, "attributing");
             let flows = (&**base, &**variant);
-            match attributed(flows, &mut setup, &inputs, (&input_pairs, &output_pairs), options.statistic, progress) {
+            match attributed(
+                flows,
+                &mut setup,
+                &inputs,
+                (&input_pairs, &output_pairs),
+                options.statistic,
+                progress,
+            ) {
                 Ok(attribution) => Some(attribution),
                 Err(why) => {
                     notes.push(format!("no attribution: {why}"));
@@ -215,14 +228,18 @@ pub fn diff(
     let millimetres = distances.map(|d| d.statistic(options.statistic));
     let measured = !matches!(geometry, report::Geometry::Numbers);
     if !measured {
-        notes.push("the outputs have no geometry that is known: their numbers were compared, and no budget applies".into());
+        notes.push(
+            "the outputs have no geometry that is known: their numbers were compared, and no budget applies"
+                .into(),
+        );
     }
-    let pass = options.budget_mm.filter(|_| measured).map(|budget| millimetres.is_some_and(|mm| mm <= budget));
+    let pass =
+        options.budget_mm.filter(|_| measured).map(|budget| millimetres.is_some_and(|mm| mm <= budget));
     Ok(DiffReport {
         schema: SCHEMA.to_owned(),
         base: sides.0,
         variant: sides.1,
-        truth: "the base by ONNX Runtime, optimisation off".to_owned(),
+        truth: truth.to_owned(),
         inputs: setup.words.clone(),
         draws: inputs.len(),
         pairing,
@@ -237,6 +254,16 @@ pub fn diff(
         notes,
         seconds: started.elapsed().as_secs_f64(),
     })
+}
+
+/// A graph that ONNX Runtime runs.
+fn side_of(path: &Path, bytes: &[u8], nodes: usize) -> Side {
+    Side {
+        path: path.display().to_string(),
+        sha256: Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect(),
+        runtime: "ONNX Runtime, optimisation off".to_owned(),
+        nodes,
+    }
 }
 
 fn party(flow: Option<Box<Flow>>, dump: Option<Arrays>) -> Party {
@@ -256,17 +283,22 @@ fn attributed(
     progress: &mut dyn FnMut(usize, usize, &str),
 ) -> Result<report::Attribution> {
     let inputs = &inputs[..inputs.len().min(ATTRIBUTED)];
-    let (mut recorded, mut whole, mut base_outputs, mut matching) = (Vec::new(), Vec::new(), Vec::new(), None);
+    let (mut recorded, mut whole, mut base_outputs, mut matching) =
+        (Vec::new(), Vec::new(), Vec::new(), None);
     for (draw, given) in inputs.iter().enumerate() {
         let of_base = base.record(given)?;
         let numbers: usize = of_base.values().map(|array| array.values.len()).sum();
         if numbers * inputs.len() > attribution::LARGEST_RECORD {
-            let message = format!("the tensors of {} input(s) hold {numbers} numbers each; draw fewer or smaller inputs", inputs.len());
+            let message = format!(
+                "the tensors of {} input(s) hold {numbers} numbers each; draw fewer or smaller inputs",
+                inputs.len()
+            );
             return Err(fault(&base.name, message));
         }
         let of_variant = variant.record(&as_given(given, input_pairs))?;
         let select = |flow: &Flow, recorded: &Arrays| -> Outputs {
-            let outputs = flow.outputs.iter().filter_map(|name| Some((name.clone(), recorded.get(name)?.clone())));
+            let outputs =
+                flow.outputs.iter().filter_map(|name| Some((name.clone(), recorded.get(name)?.clone())));
             as_outputs(outputs.collect())
         };
         base_outputs.push(setup.finish(draw, select(base, &of_base))?);
@@ -296,13 +328,12 @@ fn outputs(party: &Party, inputs: &[Arrays], input_pairs: &[(String, String)]) -
     match party {
         Party::Dump(arrays) => Ok(vec![as_outputs(arrays.clone()); inputs.len().min(1)]),
         Party::Graph(flow) => {
-            let wanted: Vec<&str> = flow.outputs.iter().map(String::as_str).collect();
-            let mut runner = flow.runner(&Rewriting { outputs: &wanted, ..Default::default() })?;
-            let run = |given: &Arrays| -> Result<Outputs> {
+            let mut runner = flow.outputs_runner()?;
+            let mut run = |given: &Arrays| -> Result<Outputs> {
                 let given = as_given(given, input_pairs);
                 Ok(as_outputs(unprefixed(runner.run(|name| given.get(name))?, "out:")))
             };
-            inputs.iter().map(run).collect()
+            inputs.iter().map(&mut run).collect()
         }
     }
 }

@@ -64,8 +64,11 @@ impl Person {
             let along = || posed.vertices.iter().map(|v| v[axis]);
             0.5 * (along().fold(f64::INFINITY, f64::min) + along().fold(f64::NEG_INFINITY, f64::max))
         });
-        let vertices =
-            posed.vertices.iter().map(|v| std::array::from_fn(|axis| (v[axis] - middle[axis]) as f32)).collect();
+        let vertices = posed
+            .vertices
+            .iter()
+            .map(|v| std::array::from_fn(|axis| (v[axis] - middle[axis]) as f32))
+            .collect();
         Self { mesh: Mesh { vertices, faces: body.faces } }
     }
 
@@ -149,7 +152,8 @@ mod tests {
         assert_eq!(images.shape, [4, 3, 64, 64]);
         for mask in masks {
             assert!(mask[32 * 64 + 32] && !mask[0], "shown in the middle and not in the corner");
-            let rows: Vec<usize> = (0..64).filter(|row| mask[row * 64..(row + 1) * 64].contains(&true)).collect();
+            let rows: Vec<usize> =
+                (0..64).filter(|row| mask[row * 64..(row + 1) * 64].contains(&true)).collect();
             assert!((48..=62).contains(&rows.len()), "1.5 to 1.95 m of 2 m: {} rows", rows.len());
         }
     }

@@ -28,7 +28,8 @@ impl Runner {
     pub fn new(name: &str, graph: &[u8]) -> Result<Self> {
         let settings = Settings { optimization: Optimization::Disabled, threads: 1 };
         let session = Session::from_bytes(name, graph, &settings)?;
-        let names = |infos: &[TensorInfo]| infos.iter().map(|info| (info.name.clone(), info.name.clone())).collect();
+        let names =
+            |infos: &[TensorInfo]| infos.iter().map(|info| (info.name.clone(), info.name.clone())).collect();
         Ok(Self { inputs: names(session.inputs()), outputs: names(session.outputs()), session })
     }
 

@@ -14,7 +14,7 @@ use super::geometry::body::Source;
 use super::meaning::{self, Declared, Meaning};
 use super::people::{Normal, Person, cameras};
 use super::runner::{Arrays, Runner};
-use super::surgery::{Rewriting, out};
+use super::surgery::out;
 use crate::array::Array;
 use crate::error::Result;
 use crate::onnx::message::DimensionValue;
@@ -72,7 +72,10 @@ impl Setup {
         let own: BTreeMap<&str, &str> =
             declared.inputs.iter().map(String::as_str).zip(flow.inputs.iter().map(String::as_str)).collect();
         let renamed = |arrays: Arrays| -> Arrays {
-            arrays.into_iter().map(|(name, a)| (own.get(name.as_str()).map_or(name.clone(), |n| (*n).to_owned()), a)).collect()
+            arrays
+                .into_iter()
+                .map(|(name, a)| (own.get(name.as_str()).map_or(name.clone(), |n| (*n).to_owned()), a))
+                .collect()
         };
         setup.draws = drawn.into_iter().map(renamed).collect();
         if let Some(file) = &options.inputs {
@@ -90,7 +93,8 @@ impl Setup {
     /// # Errors
     /// When a query does not run on them.
     pub fn finish(&mut self, draw: usize, outputs: Outputs) -> Result<Outputs> {
-        let named = |(name, tensor): (String, Tensor)| (self.outputs.get(&name).cloned().unwrap_or(name), tensor);
+        let named =
+            |(name, tensor): (String, Tensor)| (self.outputs.get(&name).cloned().unwrap_or(name), tensor);
         let mut outputs: Outputs = outputs.into_iter().map(named).collect();
         let (seen, outside) = match &mut self.after {
             After::Nothing => return Ok(outputs),
@@ -123,7 +127,10 @@ impl Setup {
         let drawn = format!("{} drawn from seed {}", options.draws.max(1), options.seed);
         let Some(contract) = &declared.contract else {
             self.words = format!("{drawn}: standard normal numbers");
-            return seeds.clone().map(|seed| normal_inputs(flow, seed, options.voxels.unwrap_or(32))).collect();
+            return seeds
+                .clone()
+                .map(|seed| normal_inputs(flow, seed, options.voxels.unwrap_or(32)))
+                .collect();
         };
         match contract {
             Contract::Regressor { image, .. } => {
@@ -139,26 +146,35 @@ impl Setup {
                 let parameters = |seed| {
                     let mut normal = Normal::new(seed);
                     let pose = normal.array(&[1, 72], POSE_RAD);
-                    Arrays::from([("pose".to_owned(), pose), ("betas".to_owned(), normal.array(&[1, betas.unwrap_or(10)], 1.0))])
+                    Arrays::from([
+                        ("pose".to_owned(), pose),
+                        ("betas".to_owned(), normal.array(&[1, betas.unwrap_or(10)], 1.0)),
+                    ])
                 };
                 Ok(seeds.map(parameters).collect())
             }
             Contract::VsrEncoder { resolution, .. } => {
                 let cells = options.voxels.unwrap_or(*resolution);
                 self.words = format!("{drawn}: {cells}³ voxels of the mannequin, posed and shaped at random");
-                let draws: Result<Vec<Arrays>> = people().map(|p| Ok(one("voxels", p.voxels(cells)?))).collect();
+                let draws: Result<Vec<Arrays>> =
+                    people().map(|p| Ok(one("voxels", p.voxels(cells)?))).collect();
                 match &options.query {
                     Some(query) => self.ask_vsr(query, options)?,
-                    None => self.notes.push("an encoder alone has no surface: name its query graph with --query".into()),
+                    None => self
+                        .notes
+                        .push("an encoder alone has no surface: name its query graph with --query".into()),
                 }
                 draws
             }
             Contract::MfPifuEncoder { image, .. } => {
-                self.words = format!("{drawn}: {VIEWS} pictures of the mannequin, posed and shaped at random");
+                self.words =
+                    format!("{drawn}: {VIEWS} pictures of the mannequin, posed and shaped at random");
                 let (draws, masks): (Vec<_>, Vec<_>) = people().map(|p| images(&p, image)).unzip();
                 match &options.query {
                     Some(query) => self.ask_pifu(query, image, &masks, options)?,
-                    None => self.notes.push("an encoder alone has no surface: name its query graph with --query".into()),
+                    None => self
+                        .notes
+                        .push("an encoder alone has no surface: name its query graph with --query".into()),
                 }
                 Ok(draws)
             }
@@ -171,7 +187,8 @@ impl Setup {
                 let lattice = meaning::lattice(options.query_lattice(), *occupancy, "");
                 let points = meaning::vsr_points(&meaning::points(&lattice), *align_corners, cells);
                 self.meaning = Meaning::Field(lattice);
-                self.words = format!("{drawn}: features of {cells}³ voxels of the mannequin by {}", encoder.name);
+                self.words =
+                    format!("{drawn}: features of {cells}³ voxels of the mannequin by {}", encoder.name);
                 let mut runner = encoder.runner;
                 people()
                     .map(|person| {
@@ -184,12 +201,20 @@ impl Setup {
             Contract::MfPifuQuery { align_corners, occupancy, depth_center, depth_scale, .. } => {
                 let encoder = self.encoder(options, "MF-PIFu")?;
                 let Contract::MfPifuEncoder { image, .. } = encoder.contract else {
-                    return Err(fault(&encoder.name, "it is no MF-PIFu encoder, which the query needs".into()));
+                    return Err(fault(
+                        &encoder.name,
+                        "it is no MF-PIFu encoder, which the query needs".into(),
+                    ));
                 };
-                let lattice = meaning::lattice(options.query_lattice(), *occupancy, ", outside where a picture does not show the person");
+                let lattice = meaning::lattice(
+                    options.query_lattice(),
+                    *occupancy,
+                    ", outside where a picture does not show the person",
+                );
                 let world = meaning::points(&lattice);
                 self.meaning = Meaning::Field(lattice);
-                self.words = format!("{drawn}: features of {VIEWS} pictures of the mannequin by {}", encoder.name);
+                self.words =
+                    format!("{drawn}: features of {VIEWS} pictures of the mannequin by {}", encoder.name);
                 let (mut runner, views) = (encoder.runner, cameras(VIEWS, image.size));
                 let mut all_seen = Vec::new();
                 let draws: Result<Vec<Arrays>> = people()
@@ -197,7 +222,8 @@ impl Setup {
                         let (given, masks) = images(&person, &image);
                         let mut inputs = features(&mut runner, &given)?;
                         let depths = (*depth_center, *depth_scale);
-                        let (uv, depth, seen) = meaning::pifu_points(&world, &views, &masks, *align_corners, depths);
+                        let (uv, depth, seen) =
+                            meaning::pifu_points(&world, &views, &masks, *align_corners, depths);
                         inputs.extend([("uv".to_owned(), uv), ("depth".to_owned(), depth)]);
                         all_seen.push(seen);
                         Ok(inputs)
@@ -215,7 +241,8 @@ impl Setup {
         let Contract::VsrQuery { align_corners, occupancy, .. } = contract else {
             return Err(fault(&name, "it is no VSR query".into()));
         };
-        let lattice = meaning::lattice(options.lattice.unwrap_or(64), occupancy, &format!(", asked of {name}"));
+        let lattice =
+            meaning::lattice(options.lattice.unwrap_or(64), occupancy, &format!(", asked of {name}"));
         let cells = options.voxels.unwrap_or(128);
         let points = meaning::points(&lattice);
         let chunk = |part: &[[f64; 3]]| {
@@ -234,9 +261,16 @@ impl Setup {
     }
 
     /// An MF-PIFu query after the encoder.
-    fn ask_pifu(&mut self, path: &Path, image: &ImageInput, masks: &[Vec<Vec<bool>>], options: &Options) -> Result<()> {
+    fn ask_pifu(
+        &mut self,
+        path: &Path,
+        image: &ImageInput,
+        masks: &[Vec<Vec<bool>>],
+        options: &Options,
+    ) -> Result<()> {
         let Second { name, contract, runner } = Second::load(path)?;
-        let Contract::MfPifuQuery { align_corners, occupancy, depth_center, depth_scale, .. } = contract else {
+        let Contract::MfPifuQuery { align_corners, occupancy, depth_center, depth_scale, .. } = contract
+        else {
             return Err(fault(&name, "it is no MF-PIFu query".into()));
         };
         let words = format!(", asked of {name}, outside where a picture does not show the person");
@@ -300,8 +334,7 @@ impl Second {
         let bytes = std::fs::read(path)
             .map_err(|source| crate::error::Error::Io { path: path.to_owned(), source })?;
         let flow = Flow::new(&name, &bytes)?;
-        let outputs: Vec<&str> = flow.outputs.iter().map(String::as_str).collect();
-        let mut runner = flow.runner(&Rewriting { outputs: &outputs, ..Default::default() })?;
+        let mut runner = flow.outputs_runner()?;
         let by_contract = |own: &[String], names: &[String], prefix: fn(&str) -> String| {
             own.iter().map(|own| prefix(own)).zip(names.iter().cloned()).collect()
         };
@@ -348,12 +381,12 @@ pub fn read_npz<'a>(path: &Path, names: impl Iterator<Item = &'a str>) -> Result
     names
         .map(|name| {
             let array = archive.array::<f32>(name)?;
-            Ok((name.to_owned(), Array::new(&array.shape, array.data)))
+            Ok((name.to_owned(), Array::new(&array.shape, array.values)))
         })
         .collect()
 }
 
-/// Standard normal numbers for every input of a graph; a free side is 1 if it comes first, else as long as `side`, and `D/4` is a
+/// Standard normal numbers for every input of a graph, whole numbers from 0 to 7 where it takes integers; a free side is 1 if it comes first, else as long as `side`, and `D/4` is a
 /// quarter of that.
 fn normal_inputs(flow: &Flow, seed: u64, side: usize) -> Result<Arrays> {
     let mut normal = Normal::new(seed);
@@ -363,21 +396,39 @@ fn normal_inputs(flow: &Flow, seed: u64, side: usize) -> Result<Arrays> {
         let info = graph.input.iter().find(|info| info.name.as_deref() == Some(name));
         let shape = info
             .and_then(|info| info.r#type.as_ref()?.tensor_type.as_ref()?.shape.as_ref())
-            .ok_or_else(|| fault(&flow.name, format!("input \"{name}\" has no shape: give the inputs with --inputs FILE.npz")))?;
-        let length = |(axis, dimension): (usize, &crate::onnx::message::DimensionProto)| match &dimension.value {
-            Some(DimensionValue::Number(number)) if *number > 0 => Some(*number as usize),
-            Some(DimensionValue::Symbol(symbol)) if symbol.contains('/') => {
-                let divisor: usize = symbol.split('/').nth(1)?.trim().parse().ok().filter(|&d| d > 0)?;
-                Some((side / divisor).max(1))
-            }
-            _ if axis == 0 => Some(1),
-            _ => Some(side),
-        };
+            .ok_or_else(|| {
+                fault(
+                    &flow.name,
+                    format!("input \"{name}\" has no shape: give the inputs with --inputs FILE.npz"),
+                )
+            })?;
+        let length =
+            |(axis, dimension): (usize, &crate::onnx::message::DimensionProto)| match &dimension.value {
+                Some(DimensionValue::Number(number)) if *number > 0 => Some(*number as usize),
+                Some(DimensionValue::Symbol(symbol)) if symbol.contains('/') => {
+                    let divisor: usize = symbol.split('/').nth(1)?.trim().parse().ok().filter(|&d| d > 0)?;
+                    Some((side / divisor).max(1))
+                }
+                _ if axis == 0 => Some(1),
+                _ => Some(side),
+            };
         let sides: Option<Vec<usize>> = shape.dim.iter().enumerate().map(length).collect();
         let sides = sides
-            .filter(|sides| sides.iter().try_fold(1_usize, |n, &s| n.checked_mul(s)).is_some_and(|n| n <= 1 << 28))
-            .ok_or_else(|| fault(&flow.name, format!("input \"{name}\" cannot be drawn: give the inputs with --inputs FILE.npz")))?;
-        inputs.insert(name.clone(), normal.array(&sides, 1.0));
+            .filter(|sides| {
+                sides.iter().try_fold(1_usize, |n, &s| n.checked_mul(s)).is_some_and(|n| n <= 1 << 28)
+            })
+            .ok_or_else(|| {
+                fault(
+                    &flow.name,
+                    format!("input \"{name}\" cannot be drawn: give the inputs with --inputs FILE.npz"),
+                )
+            })?;
+        let mut drawn = normal.array(&sides, 1.0);
+        if flow.input_element(name).is_some_and(|element| !element.is_float()) {
+            // Indices, tokens, truths: small and not negative.
+            drawn = drawn.map(|x| (3.0 * x.abs()).floor().min(7.0));
+        }
+        inputs.insert(name.clone(), drawn);
     }
     Ok(inputs)
 }

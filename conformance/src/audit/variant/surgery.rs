@@ -16,8 +16,8 @@ use prost::Message as _;
 
 use crate::onnx::builder::int;
 use crate::onnx::message::{
-    AttributeProto, DimensionProto, DimensionValue, GraphProto, ModelProto, NodeProto, TensorShapeProto, TensorTypeProto,
-    TypeProto, ValueInfoProto,
+    AttributeProto, DimensionProto, DimensionValue, GraphProto, ModelProto, NodeProto, TensorShapeProto,
+    TensorTypeProto, TypeProto, ValueInfoProto,
 };
 
 /// ONNX's number of f32.
@@ -71,11 +71,15 @@ pub fn open(bytes: &[u8]) -> Result<ModelProto, String> {
     let graph = model.graph.as_ref().ok_or("an ONNX model without a graph")?;
     if let Some(node) = graph.node.iter().find(|node| node.attribute.iter().any(|a| a.g.is_some())) {
         let (name, operator) = (node.name.as_deref().unwrap_or(""), node.op_type.as_deref().unwrap_or(""));
-        return Err(format!("node \"{name}\" ({operator}) has a subgraph; graphs with If, Loop or Scan are not taken apart"));
+        return Err(format!(
+            "node \"{name}\" ({operator}) has a subgraph; graphs with If, Loop or Scan are not taken apart"
+        ));
     }
     if let Some(tensor) = graph.initializer.iter().find(|tensor| !tensor.external_data.is_empty()) {
         let name = tensor.name.as_deref().unwrap_or("");
-        return Err(format!("initializer \"{name}\" lies in another file; save the graph in one file to have it taken apart"));
+        return Err(format!(
+            "initializer \"{name}\" lies in another file; save the graph in one file to have it taken apart"
+        ));
     }
     Ok(model)
 }
@@ -110,7 +114,7 @@ pub fn rewrite(model: &ModelProto, rewriting: &Rewriting) -> Result<Vec<u8>, Str
     }
     for port in rewriting.feeds {
         let given = feed(&port.tensor);
-        inputs.push(value_info(&given, Some(free_shape(port.rank))));
+        inputs.push(value_info(&given, Some(free_shape(&given, port.rank))));
         let typed = if port.element == F32 { given } else { format!("fed:{}", port.tensor) };
         if port.element != F32 {
             nodes.push(cast(&feed(&port.tensor), &typed, port.element));
@@ -119,7 +123,8 @@ pub fn rewrite(model: &ModelProto, rewriting: &Rewriting) -> Result<Vec<u8>, Str
     }
     let mut nudged: BTreeMap<&str, &Port> = BTreeMap::new();
     for port in rewriting.nudges {
-        inputs.push(value_info(&nudge(&port.tensor), Some(free_shape(port.rank))));
+        let given = nudge(&port.tensor);
+        inputs.push(value_info(&given, Some(free_shape(&given, port.rank))));
         nudged.insert(&port.tensor, port);
     }
 
@@ -130,8 +135,12 @@ pub fn rewrite(model: &ModelProto, rewriting: &Rewriting) -> Result<Vec<u8>, Str
                 name.clone_from(other);
             }
         }
-        let made: Vec<(&str, &Port)> =
-            node.output.iter().filter_map(|name| nudged.get_key_value(name.as_str())).map(|(k, v)| (*k, *v)).collect();
+        let made: Vec<(&str, &Port)> = node
+            .output
+            .iter()
+            .filter_map(|name| nudged.get_key_value(name.as_str()))
+            .map(|(k, v)| (*k, *v))
+            .collect();
         nodes.push(node);
         for (tensor, port) in made {
             let (given, sum) = (nudge(tensor), format!("nudged:{tensor}"));
@@ -146,7 +155,11 @@ pub fn rewrite(model: &ModelProto, rewriting: &Rewriting) -> Result<Vec<u8>, Str
     let mut outputs = Vec::new();
     let made: BTreeSet<&str> =
         nodes.iter().flat_map(|node: &NodeProto| &node.output).map(String::as_str).collect::<BTreeSet<_>>();
-    let known = |name: &str| made.contains(name) || constants.contains(name) || inputs.iter().any(|i| i.name.as_deref() == Some(name));
+    let known = |name: &str| {
+        made.contains(name)
+            || constants.contains(name)
+            || inputs.iter().any(|i| i.name.as_deref() == Some(name))
+    };
     if let Some(missing) = rewriting.outputs.iter().find(|&&name| !known(name)) {
         return Err(format!("tensor \"{missing}\" is not made by the graph"));
     }
@@ -159,7 +172,8 @@ pub fn rewrite(model: &ModelProto, rewriting: &Rewriting) -> Result<Vec<u8>, Str
     let needed = needed(&nodes, rewriting.outputs);
     nodes.retain(|node| node.output.iter().any(|name| needed.contains(name)));
     inputs.retain(|input| input.name.as_ref().is_some_and(|name| needed.contains(name)));
-    let initializer = graph.initializer.iter().filter(|t| t.name.as_ref().is_some_and(|n| needed.contains(n)));
+    let initializer =
+        graph.initializer.iter().filter(|t| t.name.as_ref().is_some_and(|n| needed.contains(n)));
     let rewritten = GraphProto {
         node: nodes,
         name: graph.name.clone(),
@@ -206,14 +220,11 @@ pub fn operator(operator: &str, inputs: &[&str], output: &str, attribute: Vec<At
 
 fn value_info(name: &str, shape: Option<TensorShapeProto>) -> ValueInfoProto {
     let tensor = TensorTypeProto { elem_type: Some(F32), shape };
-    ValueInfoProto {
-        name: Some(name.to_owned()),
-        r#type: Some(TypeProto { tensor_type: Some(tensor) }),
-    }
+    ValueInfoProto { name: Some(name.to_owned()), r#type: Some(TypeProto { tensor_type: Some(tensor) }) }
 }
 
-fn free_shape(rank: usize) -> TensorShapeProto {
-    let symbol = |axis| DimensionProto { value: Some(DimensionValue::Symbol(format!("axis{axis}"))) };
-    // Distinct names: one name would ask for equal lengths.
+/// So many free sides of a tensor, each of a name of its own: two sides of one name would have to be equally long.
+fn free_shape(name: &str, rank: usize) -> TensorShapeProto {
+    let symbol = |axis| DimensionProto { value: Some(DimensionValue::Symbol(format!("{name}/axis{axis}"))) };
     TensorShapeProto { dim: (0..rank).map(symbol).collect() }
 }

@@ -50,11 +50,13 @@ mod tests {
         let numbers = |t: TopologyReport| (t.components, t.betti_1, t.betti_2, t.euler);
         let ball = surface(|i, j, k| (2..5).contains(&i) && (2..5).contains(&j) && (2..5).contains(&k));
         assert_eq!(numbers(ball), (1, 0, 1, 2));
-        let ring = surface(|i, j, k| k == 3 && (1..6).contains(&i) && (1..6).contains(&j) && !(i == 3 && j == 3));
+        let ring =
+            surface(|i, j, k| k == 3 && (1..6).contains(&i) && (1..6).contains(&j) && !(i == 3 && j == 3));
         assert_eq!(numbers(ring), (1, 2, 1, 0));
         let two = surface(|i, j, k| (i == 1 || i == 5) && j == 3 && k == 3);
         assert_eq!(numbers(two), (2, 0, 2, 4));
-        let hollow = surface(|i, j, k| [i, j, k].iter().all(|x| (1..6).contains(x)) && [i, j, k] != [3, 3, 3]);
+        let hollow =
+            surface(|i, j, k| [i, j, k].iter().all(|x| (1..6).contains(x)) && [i, j, k] != [3, 3, 3]);
         assert_eq!(numbers(hollow), (2, 0, 2, 4), "an outer and an inner sphere");
         assert!(ball.same_surface(&ball) && !ball.same_surface(&ring) && two.same_surface(&hollow));
     }

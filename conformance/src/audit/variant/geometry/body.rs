@@ -12,9 +12,7 @@ use vitruvian_reference::rotation::{from_six_d, logarithm};
 use vitruvian_runtime::contract::PoseForm;
 
 use super::{Displacement, Outputs, Ruler, output};
-use crate::audit::variant::report::{
-    BodyReport, Geometry, Summary, View, WorstJoint, WorstVertex,
-};
+use crate::audit::variant::report::{BodyReport, Geometry, Summary, View, WorstJoint, WorstVertex};
 
 /// Metres to millimetres.
 const MM: f64 = 1000.0;
@@ -65,7 +63,8 @@ impl BodyRuler {
     /// When an output is missing, has another shape than its meaning asks for, or is not finite: a base must be a body.
     pub fn new(source: Source, base: &[Outputs]) -> Result<Self, String> {
         let figures = source.figures(base)?;
-        let whole = |figure: &Figure| figure.vertices.iter().chain(&figure.joints).flatten().all(|x| x.is_finite());
+        let whole =
+            |figure: &Figure| figure.vertices.iter().chain(&figure.joints).flatten().all(|x| x.is_finite());
         match figures.iter().position(|figure| !whole(figure)) {
             Some(i) => Err(format!("the base's body {i} is not finite")),
             None if figures.is_empty() => Err("the base gave no bodies".to_owned()),
@@ -212,7 +211,8 @@ impl Source {
     }
 
     fn figures(&self, runs: &[Outputs]) -> Result<Vec<Figure>, String> {
-        let each: Result<Vec<Vec<Figure>>, String> = runs.iter().map(|outputs| self.of_run(outputs)).collect();
+        let each: Result<Vec<Vec<Figure>>, String> =
+            runs.iter().map(|outputs| self.of_run(outputs)).collect();
         Ok(each?.into_iter().flatten().collect())
     }
 
@@ -236,7 +236,9 @@ impl Source {
                 let betas = rows("betas", output(outputs, "betas")?, None)?;
                 let camera = rows("camera", output(outputs, "camera")?, Some(3))?;
                 if pose.len() != betas.len() || pose.len() != camera.len() {
-                    return Err("outputs \"pose\", \"betas\" and \"camera\" differ in their first side".to_owned());
+                    return Err(
+                        "outputs \"pose\", \"betas\" and \"camera\" differ in their first side".to_owned()
+                    );
                 }
                 let places = 0..pose.len();
                 Ok(places
@@ -340,11 +342,16 @@ mod tests {
         let tensor = |points: &[Vector3]| {
             Tensor::new(&[1, points.len(), 3], points.iter().flatten().copied().collect())
         };
-        vec![Outputs::from([("vertices".to_owned(), tensor(vertices)), ("joints".to_owned(), tensor(joints))])]
+        vec![Outputs::from([
+            ("vertices".to_owned(), tensor(vertices)),
+            ("joints".to_owned(), tensor(joints)),
+        ])]
     }
 
     fn report(ruler: &BodyRuler, variant: &[Outputs]) -> (BodyReport, Summary) {
-        let Ok((Geometry::Body(report), Some(distances))) = ruler.report(variant) else { panic!("a body report") };
+        let Ok((Geometry::Body(report), Some(distances))) = ruler.report(variant) else {
+            panic!("a body report")
+        };
         (report, distances)
     }
 
@@ -355,7 +362,8 @@ mod tests {
         let vertices = [[0.0; 3], [0.5, 1.0, 0.0], [0.0, 1.5, 0.2]];
         let mut moved = vertices;
         moved[1][2] += 0.001;
-        let ruler = BodyRuler::new(Source::Points { faces: vec![[0, 1, 2]] }, &points(&vertices, &JOINTS)).expect("bodies");
+        let ruler = BodyRuler::new(Source::Points { faces: vec![[0, 1, 2]] }, &points(&vertices, &JOINTS))
+            .expect("bodies");
         let (found, distances) = report(&ruler, &points(&moved, &JOINTS));
         let worst = found.worst_vertex.expect("a vertex");
         assert_eq!((worst.vertex, worst.body), (1, 0));
@@ -370,7 +378,8 @@ mod tests {
     #[test]
     fn a_common_shift_shows_in_the_joints_but_not_relative_to_the_root() {
         let shifted = JOINTS.map(|[x, y, z]| [x + 0.003, y, z + 0.004]);
-        let ruler = BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&JOINTS, &JOINTS)).expect("bodies");
+        let ruler =
+            BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&JOINTS, &JOINTS)).expect("bodies");
         let (found, _) = report(&ruler, &points(&shifted, &shifted));
         assert!((found.joints.mean - 5.0).abs() < 1e-9 && found.mpjpe < 1e-9 && found.pa_mpjpe < 1e-9);
     }
@@ -380,14 +389,16 @@ mod tests {
         let mut broken = JOINTS;
         broken[0][0] = f64::NAN;
         assert!(BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&broken, &JOINTS)).is_err());
-        let ruler = BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&JOINTS, &JOINTS)).expect("bodies");
+        let ruler =
+            BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&JOINTS, &JOINTS)).expect("bodies");
         assert_eq!(ruler.displacement(&points(&broken, &JOINTS)).expect("shapes").lengths, None);
         assert_eq!(ruler.report(&points(&broken, &JOINTS)).expect("joints").1, None);
     }
 
     #[test]
     fn another_shape_is_refused_by_name() {
-        let ruler = BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&JOINTS, &JOINTS)).expect("bodies");
+        let ruler =
+            BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&JOINTS, &JOINTS)).expect("bodies");
         assert!(ruler.report(&points(&JOINTS[..3], &JOINTS)).is_err());
         let flat = vec![Outputs::from([("vertices".to_owned(), Tensor::new(&[12], vec![0.0; 12]))])];
         assert!(ruler.report(&flat).expect_err("a flat output").contains("output \"vertices\" is [12]"));
@@ -419,7 +430,8 @@ mod tests {
     #[test]
     fn every_form_of_the_pose_is_the_same_body() {
         let camera = [0.9, 0.0, 0.1];
-        let matrices = source(PoseForm::Matrices).figures(&parameters(PoseForm::Matrices, 0.2, camera)).expect("a body");
+        let matrices =
+            source(PoseForm::Matrices).figures(&parameters(PoseForm::Matrices, 0.2, camera)).expect("a body");
         for form in [PoseForm::SixD, PoseForm::AxisAngle] {
             let other = source(form).figures(&parameters(form, 0.2, camera)).expect("a body");
             let apart = distances_mm(&matrices[0].vertices, &other[0].vertices);
@@ -446,7 +458,8 @@ mod tests {
         let mut broken = parameters(PoseForm::SixD, 0.2, [0.9, 0.0, 0.0]);
         let pose = broken[0].get_mut("pose").expect("a pose");
         pose.data[..6].fill(0.0);
-        let ruler = BodyRuler::new(source(PoseForm::SixD), &parameters(PoseForm::SixD, 0.2, [0.9, 0.0, 0.0])).expect("a body");
+        let ruler = BodyRuler::new(source(PoseForm::SixD), &parameters(PoseForm::SixD, 0.2, [0.9, 0.0, 0.0]))
+            .expect("a body");
         assert_eq!(ruler.displacement(&broken).expect("shapes").lengths, None);
         assert!(ruler.report(&broken).expect_err("no body").contains("not finite"));
     }

@@ -144,7 +144,8 @@ impl FieldRuler {
     /// When the field's output is missing or has another number of points, or on no input reaches the level: without a
     /// surface there is nothing to measure.
     pub fn new(lattice: Lattice, base: &[Outputs]) -> Result<Self, String> {
-        let known: Result<Vec<Known>, String> = base.iter().map(|outputs| Known::of(&lattice, outputs)).collect();
+        let known: Result<Vec<Known>, String> =
+            base.iter().map(|outputs| Known::of(&lattice, outputs)).collect();
         let known = known?;
         if known.iter().all(|k| k.mesh.faces.is_empty()) {
             return Err(format!(
@@ -161,7 +162,8 @@ impl FieldRuler {
         for (known, outputs) in self.base.iter().zip(variant) {
             let (field, _) = self.lattice.field(outputs)?;
             for Crossing { ends: [a, b], share, slope } in &known.crossings {
-                let change = (1.0 - share) * (field[*a] - known.field[*a]) + share * (field[*b] - known.field[*b]);
+                let change =
+                    (1.0 - share) * (field[*a] - known.field[*a]) + share * (field[*b] - known.field[*b]);
                 // Where f grows the inside grows: the surface moves outwards by Δf/‖∇f‖.
                 signed.push(MM * change / slope);
             }
@@ -254,7 +256,9 @@ impl Ruler for FieldRuler {
             let largest = errors.iter().copied().fold(0.0, f64::max);
             if worst.as_ref().is_none_or(|(w, _)| largest > *w) {
                 let view = View {
-                    title: format!("the base's surface on input {draw}, coloured by its distance to the variant's"),
+                    title: format!(
+                        "the base's surface on input {draw}, coloured by its distance to the variant's"
+                    ),
                     vertices: known.mesh.vertices.iter().map(|v| v.map(|x| x as f32)).collect(),
                     faces: known.mesh.faces.clone(),
                     millimetres: errors.into_iter().map(|e| e as f32).collect(),
@@ -340,12 +344,16 @@ mod tests {
     #[test]
     fn a_field_that_is_smaller_inside_is_the_same_surface() {
         let turned = |outputs: Vec<Outputs>| -> Vec<Outputs> {
-            let map = |outputs: Outputs| outputs.into_iter().map(|(name, t)| (name, t.map(|x| 1.0 - x))).collect();
+            let map =
+                |outputs: Outputs| outputs.into_iter().map(|(name, t)| (name, t.map(|x| 1.0 - x))).collect();
             outputs.into_iter().map(map).collect()
         };
         let upright = report(&FieldRuler::new(lattice(), &sphere(0.6)).expect("a surface"), &sphere(0.61));
         let lattice = Lattice { inside_is_larger: false, ..lattice() };
-        let found = report(&FieldRuler::new(lattice, &turned(sphere(0.6))).expect("a surface"), &turned(sphere(0.61)));
+        let found = report(
+            &FieldRuler::new(lattice, &turned(sphere(0.6))).expect("a surface"),
+            &turned(sphere(0.61)),
+        );
         assert_eq!(found.flipped, upright.flipped);
         assert!((found.hausdorff.expect("a") - upright.hausdorff.expect("b")).abs() < 1e-9);
     }
@@ -360,9 +368,8 @@ mod tests {
         let found = report(&ruler, &speck);
         assert_eq!((found.flipped, found.variant_topology[0].components, found.same_topology), (1, 2, false));
         assert!(found.hausdorff.expect("two surfaces") > 800.0);
-        let tunnel = field(|[x, y, z]| {
-            if x.hypot(y) < 0.15 { 0.0 } else { 0.5 + 0.5 * (0.6 - norm([x, y, z])) }
-        });
+        let tunnel =
+            field(|[x, y, z]| if x.hypot(y) < 0.15 { 0.0 } else { 0.5 + 0.5 * (0.6 - norm([x, y, z])) });
         let found = report(&ruler, &tunnel);
         assert_eq!((found.variant_topology[0].betti_1, found.variant_topology[0].euler), (2, 0));
         assert!(!found.same_topology && found.flipped > 0);

@@ -25,7 +25,8 @@ impl Ruler for NumbersRuler {
 
     fn displacement(&self, variant: &[Outputs]) -> Result<Displacement, String> {
         let mut components = Vec::new();
-        for name in self.base.iter().flat_map(|outputs| outputs.keys()).collect::<std::collections::BTreeSet<_>>()
+        for name in
+            self.base.iter().flat_map(|outputs| outputs.keys()).collect::<std::collections::BTreeSet<_>>()
         {
             let pairs = pairs(&self.base, variant, name)?;
             let size = rms(pairs.iter().flat_map(|(base, _)| base.data.iter().copied()));
@@ -137,7 +138,8 @@ mod tests {
     #[test]
     fn a_difference_of_a_thousandth_shares_ten_bits() {
         let base = outputs(&[1.0, -1.0, 1.0, -1.0]);
-        let found = outputs(&[1.0 + 1.0 / 1024.0, -1.0 - 1.0 / 1024.0, 1.0 + 1.0 / 1024.0, -1.0 + 1.0 / 1024.0]);
+        let found =
+            outputs(&[1.0 + 1.0 / 1024.0, -1.0 - 1.0 / 1024.0, 1.0 + 1.0 / 1024.0, -1.0 + 1.0 / 1024.0]);
         let report = compare(&base, &found).expect("equal shapes").remove(0);
         assert_eq!(report.effective_bits, Some(10.0));
         assert_eq!((report.abs_max, report.count), (Some(1.0 / 1024.0), 4));
@@ -161,7 +163,8 @@ mod tests {
 
     #[test]
     fn a_number_lost_to_infinity_is_the_worst_and_has_no_measure() {
-        let report = compare(&outputs(&[1.0, 9.0]), &outputs(&[f64::NAN, 1e9])).expect("equal shapes").remove(0);
+        let report =
+            compare(&outputs(&[1.0, 9.0]), &outputs(&[f64::NAN, 1e9])).expect("equal shapes").remove(0);
         assert_eq!((report.abs_max, report.worst, report.not_finite_variant), (None, vec![0, 0], 1));
     }
 
@@ -169,7 +172,11 @@ mod tests {
     fn another_shape_and_a_missing_output_are_refused_by_name() {
         let base = outputs(&[1.0, 2.0]);
         let wide = vec![Outputs::from([("y".to_owned(), Tensor::new(&[1, 2], vec![1.0, 2.0]))])];
-        assert!(compare(&base, &wide).expect_err("another shape").contains("output \"y\" is [1, 2], in the base [2, 1]"));
+        assert!(
+            compare(&base, &wide)
+                .expect_err("another shape")
+                .contains("output \"y\" is [1, 2], in the base [2, 1]")
+        );
         let other = vec![Outputs::from([("z".to_owned(), Tensor::new(&[1], vec![1.0]))])];
         assert!(compare(&base, &other).expect_err("no such output").contains("output \"y\" is missing"));
     }
