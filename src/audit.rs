@@ -3,9 +3,11 @@
 pub mod answers;
 mod blame;
 pub mod destinations;
+mod diff;
 pub mod figures;
 pub mod junit;
 pub mod page;
+mod plan;
 #[cfg(test)]
 mod samples;
 pub mod terminal;
@@ -27,11 +29,15 @@ pub struct Arguments {
 #[derive(Subcommand)]
 enum Verb {
     Blame(blame::Arguments),
+    Diff(Box<diff::Arguments>),
+    Plan(Box<plan::Arguments>),
 }
 
 /// Does what the verb says.
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.verb {
         Verb::Blame(arguments) => blame::run(arguments),
+        Verb::Diff(arguments) => diff::run(arguments),
+        Verb::Plan(arguments) => plan::run(arguments),
     }
 }

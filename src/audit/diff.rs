@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use serde_json::json;
 use vitruvian_conformance::audit::variant::report::{
-    Attribution, BodyReport, Cost, DiffReport, FieldReport, Geometry, NumbersReport, Statistic, Summary, TopologyReport,
+    Attribution, BodyReport, Cost, DiffReport, FieldReport, Geometry, NumbersReport, Statistic, Summary,
+    TopologyReport,
 };
 use vitruvian_conformance::audit::variant::{Options, attribution, diff};
 use vitruvian_runtime::error::Error;
@@ -121,7 +122,9 @@ pub fn check_budget(budget_mm: f64) -> Result<()> {
     if budget_mm.is_finite() && budget_mm >= 0.0 {
         Ok(())
     } else {
-        Err(Failure::Usage(format!("--budget-mm is {budget_mm}, a number of millimetres from 0 was expected")))
+        Err(Failure::Usage(format!(
+            "--budget-mm is {budget_mm}, a number of millimetres from 0 was expected"
+        )))
     }
 }
 
@@ -243,9 +246,18 @@ fn of_body(body: &BodyReport) -> Vec<String> {
     )];
     if let (Some(vertices), Some(worst)) = (&body.vertices, &body.worst_vertex) {
         let joint = worst.joint.as_ref().map_or(String::new(), |joint| format!(" at the {joint}"));
-        lines.push(format!("  vertices  {}; worst: vertex {}{joint} of body {}", of_summary(vertices, "mm"), worst.vertex, worst.body));
+        lines.push(format!(
+            "  vertices  {}; worst: vertex {}{joint} of body {}",
+            of_summary(vertices, "mm"),
+            worst.vertex,
+            worst.body
+        ));
     }
-    lines.push(format!("  joints    {}; worst: {}", of_summary(&body.joints, "mm"), plain(&body.worst_joint.joint)));
+    lines.push(format!(
+        "  joints    {}; worst: {}",
+        of_summary(&body.joints, "mm"),
+        plain(&body.worst_joint.joint)
+    ));
     if let Some(pixels) = &body.reprojection_px {
         lines.push(format!("  picture   {}", of_summary(pixels, "px")));
     }
@@ -260,14 +272,19 @@ fn of_field(field: &FieldReport) -> Vec<String> {
     if let Some(displacement) = &field.displacement {
         lines.push(format!("  |Δf|/‖∇f‖  {}", of_summary(displacement, "mm")));
     }
-    lines.push(format!("  distance   {}", field.distance.map_or("none: a surface vanished".to_owned(), |d| of_summary(&d, "mm"))));
+    lines.push(format!(
+        "  distance   {}",
+        field.distance.map_or("none: a surface vanished".to_owned(), |d| of_summary(&d, "mm"))
+    ));
     lines.push(format!(
         "  Hausdorff {} mm, Chamfer {} mm; {} of {} points change sides{}",
         optional(field.hausdorff),
         optional(field.chamfer),
         field.flipped,
         field.points,
-        field.flipped_margin.map_or(String::new(), |margin| format!(", up to {} from the level", number(margin))),
+        field
+            .flipped_margin
+            .map_or(String::new(), |margin| format!(", up to {} from the level", number(margin))),
     ));
     let words = |all: &[TopologyReport]| -> String {
         let each = all.iter().map(|t| format!("{}, {}, {}", t.components, t.betti_1, t.betti_2));

@@ -259,7 +259,7 @@ fn rounded_weight(tensor: &TensorProto, axis: usize) -> Result<TensorProto, Stri
     Ok(TensorProto {
         dims: tensor.dims.clone(),
         data_type: Some(F32),
-        raw_data: Some(values.iter().flat_map(|x| x.to_le_bytes()).collect()),
+        raw_data: Some(values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>().into()),
         ..Default::default()
     })
 }
@@ -268,7 +268,7 @@ fn scalar(name: &str, element: ElementType, bytes: &[u8]) -> TensorProto {
     TensorProto {
         name: Some(name.to_owned()),
         data_type: Some(element.number()),
-        raw_data: Some(bytes.to_vec()),
+        raw_data: Some(bytes.to_vec().into()),
         ..Default::default()
     }
 }

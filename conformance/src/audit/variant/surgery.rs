@@ -69,7 +69,9 @@ pub fn out(tensor: &str) -> String {
 pub fn open(bytes: &[u8]) -> Result<ModelProto, String> {
     let model = ModelProto::decode(bytes).map_err(|why| format!("not an ONNX model: {why}"))?;
     let graph = model.graph.as_ref().ok_or("an ONNX model without a graph")?;
-    if let Some(node) = graph.node.iter().find(|node| node.attribute.iter().any(|a| a.g.is_some())) {
+    if let Some(node) =
+        graph.node.iter().find(|node| node.attribute.iter().any(|a| a.g.is_some() || !a.graphs.is_empty()))
+    {
         let (name, operator) = (node.name.as_deref().unwrap_or(""), node.op_type.as_deref().unwrap_or(""));
         return Err(format!(
             "node \"{name}\" ({operator}) has a subgraph; graphs with If, Loop or Scan are not taken apart"
@@ -180,6 +182,7 @@ pub fn rewrite(model: &ModelProto, rewriting: &Rewriting) -> Result<Vec<u8>, Str
         initializer: initializer.cloned().collect(),
         input: inputs,
         output: outputs,
+        ..Default::default()
     };
     let model = ModelProto { graph: Some(rewritten), ..model_without_graph(model) };
     Ok(model.encode_to_vec())
@@ -220,11 +223,18 @@ pub fn operator(operator: &str, inputs: &[&str], output: &str, attribute: Vec<At
 
 fn value_info(name: &str, shape: Option<TensorShapeProto>) -> ValueInfoProto {
     let tensor = TensorTypeProto { elem_type: Some(F32), shape };
-    ValueInfoProto { name: Some(name.to_owned()), r#type: Some(TypeProto { tensor_type: Some(tensor) }) }
+    ValueInfoProto {
+        name: Some(name.to_owned()),
+        r#type: Some(TypeProto { tensor_type: Some(tensor), ..Default::default() }),
+        ..Default::default()
+    }
 }
 
 /// So many free sides of a tensor, each of a name of its own: two sides of one name would have to be equally long.
 fn free_shape(name: &str, rank: usize) -> TensorShapeProto {
-    let symbol = |axis| DimensionProto { value: Some(DimensionValue::Symbol(format!("{name}/axis{axis}"))) };
+    let symbol = |axis| DimensionProto {
+        value: Some(DimensionValue::Symbol(format!("{name}/axis{axis}"))),
+        ..Default::default()
+    };
     TensorShapeProto { dim: (0..rank).map(symbol).collect() }
 }
