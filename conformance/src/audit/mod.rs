@@ -41,7 +41,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
-use sha2::{Digest as _, Sha256};
 
 pub use case::Case;
 pub use dump::Dump;
@@ -97,7 +96,7 @@ pub fn audit(
         verdict: findings.verdict(),
         graph: GraphSummary {
             path: model.name().to_owned(),
-            sha256: Sha256::digest(model.bytes()).iter().map(|byte| format!("{byte:02x}")).collect(),
+            sha256: model.sha256(),
             opset: model.opset(),
             producer: model.producer().to_owned(),
         },
@@ -121,14 +120,17 @@ fn given(model: &Model, inputs: &BTreeMap<String, TypedTensor>) -> Result<Tensor
         message: message.to_owned(),
     };
     let declared: BTreeSet<&str> = model.inputs().into_iter().collect();
-    let constants = model.constants()?;
     if let Some(name) = declared.iter().find(|name| !inputs.contains_key(**name)) {
         return Err(error(format!("input \"{name}\""), "is not given; give an array of this name"));
     }
     if let Some(name) = inputs.keys().find(|name| !declared.contains(name.as_str())) {
         return Err(error(format!("input \"{name}\""), "is given, but the graph has no such input"));
     }
-    let constants = constants.into_iter().map(|(name, tensor)| (name, Held::Constant(Arc::new(tensor))));
+    // A constant that is not read, such as a list of texts, is missing in those nodes alone that read it.
+    let constants = model.constant_names().map(|name| match model.constant(name) {
+        Ok(tensor) => (name.to_owned(), Held::Constant(Arc::new(tensor))),
+        Err(why) => (name.to_owned(), Held::Unknown(why.to_string())),
+    });
     let inputs = inputs.iter().map(|(name, tensor)| (name.clone(), Held::Given(Arc::new(tensor.clone()))));
     Ok(constants.chain(inputs).collect())
 }

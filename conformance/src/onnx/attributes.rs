@@ -1,9 +1,14 @@
 //! The attributes of a node, with ONNX's defaults and nothing guessed.
 
-use super::message::{AttributeProto, NodeProto};
+use super::message::{AttributeKind, AttributeProto, NodeProto};
+use super::structure::quoted;
 use super::typed_tensor::TypedTensor;
 
 /// A node's attributes; the errors name the attribute.
+///
+/// # Panics
+/// All that read a value, when the attribute is of another kind; [`walk::evaluate`](super::walk::evaluate) makes an error of
+/// it.
 #[derive(Clone, Copy, Debug)]
 pub struct Attributes<'a>(&'a [AttributeProto]);
 
@@ -11,18 +16,38 @@ impl<'a> Attributes<'a> {
     /// The attributes of a node.
     ///
     /// # Errors
-    /// When it has one that is not in `known`: a meaning that is not understood must not be passed over.
+    /// When it has one that is not in `known`, or one twice, or one whose value a function's call should have given: a
+    /// meaning that is not understood must not be passed over.
     pub fn of(node: &'a NodeProto, known: &[&str]) -> Result<Self, String> {
-        let foreign =
-            node.attribute.iter().filter_map(|a| a.name.as_deref()).find(|name| !known.contains(name));
-        match foreign {
-            Some(name) => Err(format!("attribute \"{name}\" is not understood; known are {known:?}")),
-            None => Ok(Self(&node.attribute)),
+        for (place, attribute) in node.attribute.iter().enumerate() {
+            let name = attribute.name.as_deref().unwrap_or_default();
+            if !known.contains(&name) {
+                return Err(format!("attribute {} is not understood; known are {known:?}", quoted(name)));
+            }
+            if node.attribute[..place].iter().any(|other| other.name == attribute.name) {
+                return Err(format!("attribute \"{name}\" is given twice"));
+            }
+            if attribute.ref_attr_name.as_deref().is_some_and(|reference| !reference.is_empty()) {
+                return Err(format!("attribute \"{name}\" refers to a function's, and this is none"));
+            }
         }
+        Ok(Self(&node.attribute))
     }
 
     fn get(&self, name: &str) -> Option<&'a AttributeProto> {
         self.0.iter().find(|attribute| attribute.name.as_deref() == Some(name))
+    }
+
+    /// An attribute of this kind; containers of before 2018 do not say the kind.
+    fn of_kind(&self, name: &str, kind: AttributeKind) -> Option<&'a AttributeProto> {
+        let attribute = self.get(name)?;
+        let said = attribute.kind.unwrap_or_default();
+        assert!(
+            said == kind as i32 || said == AttributeKind::Undefined as i32,
+            "attribute \"{name}\" is of kind {said}, {kind:?} ({}) was expected",
+            kind as i32
+        );
+        Some(attribute)
     }
 
     /// Whether there is one of this name.
@@ -32,18 +57,18 @@ impl<'a> Attributes<'a> {
 
     /// A list of integers of either sign, if it is given.
     pub fn integers(&self, name: &str) -> Option<Vec<i64>> {
-        self.get(name).map(|attribute| attribute.ints.clone())
+        self.of_kind(name, AttributeKind::Ints).map(|attribute| attribute.ints.clone())
     }
 
     /// A list of numbers, if it is given.
     pub fn floats(&self, name: &str) -> Option<&'a [f32]> {
-        self.get(name).map(|attribute| &attribute.floats[..])
+        self.of_kind(name, AttributeKind::Floats).map(|attribute| &attribute.floats[..])
     }
 
     /// An integer.
     pub fn int(&self, name: &str, default: i64) -> i64 {
         // An integer of 0 may be left out of the container.
-        self.get(name).map_or(default, |attribute| attribute.i.unwrap_or(0))
+        self.of_kind(name, AttributeKind::Int).map_or(default, |attribute| attribute.i.unwrap_or(0))
     }
 
     /// A count or an index.
@@ -69,7 +94,9 @@ impl<'a> Attributes<'a> {
 
     /// A number. ONNX keeps it as f32; the default is given as ONNX gives it.
     pub fn float(&self, name: &str, default: f32) -> f64 {
-        f64::from(self.get(name).map_or(default, |attribute| attribute.f.unwrap_or(0.0)))
+        f64::from(
+            self.of_kind(name, AttributeKind::Float).map_or(default, |attribute| attribute.f.unwrap_or(0.0)),
+        )
     }
 
     /// A text.
@@ -77,7 +104,7 @@ impl<'a> Attributes<'a> {
     /// # Errors
     /// When it is not UTF-8.
     pub fn text(&self, name: &str, default: &'a str) -> Result<&'a str, String> {
-        self.get(name).map_or(Ok(default), |attribute| {
+        self.of_kind(name, AttributeKind::String).map_or(Ok(default), |attribute| {
             std::str::from_utf8(attribute.s.as_deref().unwrap_or_default())
                 .map_err(|_| format!("attribute \"{name}\" is not UTF-8"))
         })
@@ -98,7 +125,7 @@ impl<'a> Attributes<'a> {
     /// # Errors
     /// When there are not as many as axes, or one is negative.
     pub fn counts(&self, name: &str, axes: usize, default: usize) -> Result<Vec<usize>, String> {
-        let Some(attribute) = self.get(name) else { return Ok(vec![default; axes]) };
+        let Some(attribute) = self.of_kind(name, AttributeKind::Ints) else { return Ok(vec![default; axes]) };
         let counts: Option<Vec<usize>> = attribute.ints.iter().map(|&value| value.try_into().ok()).collect();
         counts.filter(|counts| counts.len() == axes).ok_or_else(|| {
             format!("attribute \"{name}\" is {:?}, {axes} counts were expected", attribute.ints)
@@ -123,7 +150,7 @@ impl<'a> Attributes<'a> {
     /// # Errors
     /// When it is missing or cannot be read.
     pub fn tensor(&self, name: &str) -> Result<TypedTensor, String> {
-        let tensor = self.get(name).and_then(|attribute| attribute.t.as_deref());
+        let tensor = self.of_kind(name, AttributeKind::Tensor).and_then(|attribute| attribute.t.as_deref());
         TypedTensor::read(tensor.ok_or_else(|| format!("attribute \"{name}\" holds no tensor"))?)
     }
 }

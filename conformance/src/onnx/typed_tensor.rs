@@ -3,6 +3,7 @@
 use half::{bf16, f16};
 
 use super::element::ElementType;
+use super::external::is_external;
 use super::message::TensorProto;
 
 /// The elements of a tensor, last axis fastest.
@@ -72,11 +73,7 @@ impl TypedTensor {
     /// # Errors
     /// When the shape has another number of places.
     pub fn new(shape: &[usize], elements: Elements) -> Result<Self, String> {
-        let (count, found) = (places(shape)?, elements.len());
-        if found != count {
-            let element = elements.element();
-            return Err(format!("shape {shape:?} has {count} places, {found} {element} elements were found"));
-        }
+        fits(elements.element(), shape, elements.len())?;
         Ok(Self { shape: shape.to_vec(), elements })
     }
 
@@ -85,13 +82,7 @@ impl TypedTensor {
     /// # Errors
     /// When the shape asks for another number of bytes.
     pub fn from_bytes(element: ElementType, shape: &[usize], bytes: &[u8]) -> Result<Self, String> {
-        let (count, size) = (places(shape)?, element.size());
-        if count.checked_mul(size) != Some(bytes.len()) {
-            let found = bytes.len();
-            return Err(format!(
-                "shape {shape:?} of {element} asks for {count} × {size} bytes, {found} were found"
-            ));
-        }
+        fits_bytes(element, shape, bytes.len())?;
         Ok(Self { shape: shape.to_vec(), elements: Elements::from_bytes(element, bytes) })
     }
 
@@ -128,22 +119,48 @@ impl TypedTensor {
     /// # Errors
     /// When the elements lie in another file, are of a type that is not read, or do not fit the shape.
     pub fn read(tensor: &TensorProto) -> Result<Self, String> {
-        if tensor.data_location == Some(1) || !tensor.external_data.is_empty() {
-            let location = tensor
-                .external_data
-                .iter()
-                .find(|entry| entry.key.as_deref() == Some("location"))
-                .and_then(|entry| entry.value.clone())
-                .unwrap_or_else(|| "an unnamed file".into());
-            return Err(format!("its elements lie in {location}; export the graph with its weights inside"));
+        if is_external(tensor) {
+            return Err("its elements lie in another file; only an initializer's may".into());
         }
-        let element = element_of(tensor)?;
-        let shape = shape_of(tensor)?;
-        match &tensor.raw_data {
+        let (element, shape) = (element_of(tensor)?, shape_of(tensor)?);
+        match raw(tensor) {
             Some(bytes) => Self::from_bytes(element, &shape, bytes),
             None => Self::new(&shape, Elements::from_fields(element, tensor)?),
         }
     }
+}
+
+/// Checks that a tensor message holds as many elements as its shape has places; of a type that is not read, only its shape.
+///
+/// # Errors
+/// With the shape and what was found.
+pub(super) fn check(tensor: &TensorProto) -> Result<(), String> {
+    let shape = shape_of(tensor)?;
+    let Ok(element) = element_of(tensor) else { return Ok(()) };
+    match raw(tensor) {
+        Some(bytes) => fits_bytes(element, &shape, bytes.len()),
+        None => fits(element, &shape, Elements::field_len(element, tensor)),
+    }
+}
+
+/// The elements' bytes, if they are kept as such. Some writers add an empty list of bytes to typed elements.
+fn raw(tensor: &TensorProto) -> Option<&[u8]> {
+    tensor.raw_data.as_deref().filter(|bytes| !bytes.is_empty())
+}
+
+fn fits(element: ElementType, shape: &[usize], found: usize) -> Result<(), String> {
+    match places(shape)? {
+        count if count == found => Ok(()),
+        count => Err(format!("shape {shape:?} has {count} places, {found} {element} elements were found")),
+    }
+}
+
+fn fits_bytes(element: ElementType, shape: &[usize], found: usize) -> Result<(), String> {
+    let (count, size) = (places(shape)?, element.size());
+    if count.checked_mul(size) == Some(found) {
+        return Ok(());
+    }
+    Err(format!("shape {shape:?} of {element} asks for {count} × {size} bytes, {found} were found"))
 }
 
 /// The element type of a tensor message.
@@ -159,7 +176,7 @@ pub fn element_of(tensor: &TensorProto) -> Result<ElementType, String> {
 }
 
 /// ONNX's element types that are not read here.
-const FOREIGN: [(i32, &str); 14] = [
+const FOREIGN: [(i32, &str); 16] = [
     (0, "undefined"),
     (8, "string"),
     (14, "complex64"),
@@ -174,6 +191,8 @@ const FOREIGN: [(i32, &str); 14] = [
     (24, "float8e8m0"),
     (25, "uint2"),
     (26, "int2"),
+    (27, "float6e2m3"),
+    (28, "float6e3m2"),
 ];
 
 /// The shape of a tensor message.
@@ -267,6 +286,17 @@ impl Elements {
             ElementType::I64 => Self::I64(split(bytes, i64::from_le_bytes)),
             ElementType::U64 => Self::U64(split(bytes, u64::from_le_bytes)),
             ElementType::Bool => Self::Bool(bytes.iter().map(|&byte| byte != 0).collect()),
+        }
+    }
+
+    /// How many numbers lie in the field of this type.
+    fn field_len(element: ElementType, tensor: &TensorProto) -> usize {
+        match element {
+            ElementType::F32 => tensor.float_data.len(),
+            ElementType::F64 => tensor.double_data.len(),
+            ElementType::I64 => tensor.int64_data.len(),
+            ElementType::U32 | ElementType::U64 => tensor.uint64_data.len(),
+            _ => tensor.int32_data.len(),
         }
     }
 
@@ -387,11 +417,7 @@ mod tests {
     fn elements_in_another_file_and_foreign_types_are_refused_by_name() {
         let mut outside = raw(&[1], &[0.0]);
         outside.data_location = Some(1);
-        outside.external_data.push(super::super::message::StringStringEntryProto {
-            key: Some("location".into()),
-            value: Some("weights.bin".into()),
-        });
-        assert!(TypedTensor::read(&outside).expect_err("refused").contains("weights.bin"), "names the file");
+        assert!(TypedTensor::read(&outside).expect_err("refused").contains("another file"), "external");
         let narrow = TensorProto { data_type: Some(17), ..raw(&[1], &[0.0]) };
         let message = TypedTensor::read(&narrow).expect_err("refused");
         assert!(message.contains("element type 17 (float8e4m3fn)"), "{message}");
