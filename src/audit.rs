@@ -2,6 +2,7 @@
 
 pub mod answers;
 mod blame;
+mod certificate;
 pub mod destinations;
 mod diff;
 pub mod figures;
@@ -21,9 +22,12 @@ use crate::failure::Result;
 /// Exit status: 0 ordinary rounding (G0, G1), 1 unusual (G2), 2 bad input or usage, 3 a needed component is missing, 4 more than any
 /// rounding can make (G3), 5 not wholly comparable.
 #[derive(clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Arguments {
     #[command(subcommand)]
-    verb: Verb,
+    verb: Option<Verb>,
+    #[command(flatten)]
+    certificate: certificate::Arguments,
 }
 
 #[derive(Subcommand)]
@@ -33,11 +37,12 @@ enum Verb {
     Plan(Box<plan::Arguments>),
 }
 
-/// Does what the verb says.
+/// Does what the verb says; without one, certifies a graph.
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.verb {
-        Verb::Blame(arguments) => blame::run(arguments),
-        Verb::Diff(arguments) => diff::run(arguments),
-        Verb::Plan(arguments) => plan::run(arguments),
+        Some(Verb::Blame(arguments)) => blame::run(arguments),
+        Some(Verb::Diff(arguments)) => diff::run(arguments),
+        Some(Verb::Plan(arguments)) => plan::run(arguments),
+        None => certificate::run(&arguments.certificate),
     }
 }

@@ -4,6 +4,7 @@ use console::{Style, Term};
 use vitruvian_conformance::audit::report::{Audit, Grade, NodeReport, TensorReport};
 
 use super::answers::{self, Answer};
+use super::destinations::Destinations;
 use super::figures::{count, ending, number, optional, plain, shell};
 use crate::table;
 
@@ -264,18 +265,20 @@ fn tensor(tensor: &TensorReport) -> Vec<String> {
     lines
 }
 
-/// The command that says more, given where the JSON went.
-pub fn next(audit: &Audit, json: Option<&str>) -> String {
+/// The command that says more.
+pub fn next(audit: &Audit, destinations: &Destinations) -> String {
     let graph = shell(&audit.graph.path);
+    let json = destinations.json.as_ref().filter(|_| !destinations.prints_json());
     match (&audit.first_outside, json) {
         (Some(first), Some(json)) => {
-            format!("vitruvian audit blame {} --node {}", shell(json), shell(&first.node))
+            let json = json.display().to_string();
+            format!("next: vitruvian audit blame {} --node {}", shell(&json), shell(&first.node))
         }
         (Some(first), None) if first.reproduction.is_none() => {
-            format!("vitruvian audit {graph} --reproduction reproduction --html audit.html")
+            format!("next: vitruvian audit {graph} --reproduction reproduction --html audit.html")
         }
-        (Some(_), None) => format!("vitruvian audit {graph} --html audit.html"),
-        (None, _) => format!("vitruvian audit diff {graph} VARIANT.onnx"),
+        (Some(_), None) => format!("next: vitruvian audit {graph} --html audit.html"),
+        (None, _) => format!("next: vitruvian audit diff {graph} VARIANT.onnx"),
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Needs the graphs of models/exported and ONNX Runtime (`make onnxruntime`).
 
+mod audit;
 mod bad_input;
 mod command;
 mod demo;

@@ -5,7 +5,7 @@ function graph(page) {
   const [wide, tall] = drawing.size_of_box;
   const world = shape("g", {});
   const paper = shape("svg", { role: "group", "aria-label": "The graph; arrow keys walk along its arcs, Enter chooses" }, world);
-  const frame = element("div", { class: "frame" }, paper);
+  const frame = element("div", { class: "frame view" }, paper);
 
   const above = audit.nodes.map(() => []);
   const below = audit.nodes.map(() => []);

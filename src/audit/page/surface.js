@@ -11,8 +11,8 @@ function colourAt(share) {
 
 function surfaceView(surfaces) {
   const canvas = element("canvas", { tabindex: "0", role: "img", "aria-label": "The surface coloured by its error; arrow keys turn it, + and − zoom" });
-  const frame = element("div", { class: "frame" }, canvas, element("div", { class: "hint" }, "drag: turn · wheel: zoom · arrow keys, + and −"));
-  const choice = element("select", { id: "surface", onchange: () => load(surfaces[choice.selectedIndex]) }, surfaces.map(each => element("option", {}, each.name)));
+  const frame = element("div", { class: "frame view" }, canvas, element("div", { class: "hint" }, "drag: turn · wheel: zoom · arrow keys, + and −"));
+  const choice = element("select", { id: "surface", onchange: () => load(surfaces[choice.selectedIndex]) }, surfaces.map(each => element("option", {}, each.title)));
   const top = element("input", { id: "scale-top", type: "range", min: "1", max: "100", value: "100", oninput: () => recolour() });
   const bar = element("canvas", { width: "256", height: "1" });
   const [least, most, about] = [element("span", {}, "0 mm"), element("span", {}), element("span", { class: "soft" })];
