@@ -1,5 +1,5 @@
 # The words that run everything. `make demo` and `make test` need cargo, python3 with pip, and the package registries.
-.PHONY: demo test check format lint docs arrows onnxruntime conformance node-tests models models-test thesis python data clean
+.PHONY: demo test check format lint docs arrows onnxruntime conformance node-tests models models-test page-test thesis python data clean
 
 SHELL := /bin/bash
 CARGO ?= cargo
@@ -49,6 +49,11 @@ models/.venv/installed: models/requirements.txt
 
 models-test: python
 	cd models && .venv/bin/python -m unittest discover -s . -t .
+
+# The audit's page in headless Chromium, made from a real audit and from a planted fault.
+page-test: onnxruntime python
+	$(CARGO) build --release
+	tests/page/run.sh
 
 # Thesis-size graphs, both fillings, into models/exported/thesis (not committed).
 thesis: python

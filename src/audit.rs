@@ -11,6 +11,7 @@ pub mod page;
 mod plan;
 #[cfg(test)]
 mod samples;
+pub mod schema;
 pub mod terminal;
 
 use clap::Subcommand;

@@ -227,13 +227,13 @@ fn output(output: &OutputReport) -> String {
 fn shipped(shipped: &ShippedReport) -> String {
     let changed = shipped.tensors.iter().filter(|tensor| !tensor.identical).count();
     format!(
-        "As shipped (optimisation {}, {} → {} nodes): {}; {} of {} that survive differ from the session without optimisation.",
+        "As shipped (optimisation {}, {} → {} nodes): {}; of {} that survive, {} differ from the session without optimisation.",
         plain(&shipped.level),
         shipped.nodes.0,
         shipped.nodes.1,
         shipped.verdict,
-        changed,
-        counted(shipped.tensors.len(), "tensor")
+        counted(shipped.tensors.len(), "tensor"),
+        changed
     )
 }
 

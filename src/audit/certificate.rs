@@ -34,9 +34,6 @@ pub struct Arguments {
     /// computed, under their ONNX names
     #[arg(long, value_name = "ort|npz:DUMP.npz", default_value = "ort", value_parser = second_party)]
     runtime: SecondParty,
-    /// Write the first node outside rounding by itself into this folder, in ONNX's test layout
-    #[arg(long, value_name = "DIR")]
-    reproduction: Option<PathBuf>,
     /// Threads within an operator of ONNX Runtime; 0 takes one per core
     #[arg(long, default_value_t = 2)]
     threads: usize,

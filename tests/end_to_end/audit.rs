@@ -104,7 +104,7 @@ fn node_of(report: &serde_json::Value, op: &str) -> serde_json::Value {
 #[test]
 fn a_committed_graph_is_ordinary_rounding_by_onnx_runtime() {
     let graph = models().join("mf_pifu_query.onnx");
-    let run = vitruvian(&["audit", word(&graph), "--dim", "V=4", "--dim", "P=50", "--json", "-"]);
+    let run = vitruvian(&["audit", word(&graph), "--dim", "N=4", "--dim", "P=50", "--json", "-"]);
     assert_eq!(run.status, 0, "{run:?}");
     let report = run.json();
     assert!(report["verdict"] == "G1" || report["verdict"] == "G0", "{}", report["verdict"]);
@@ -124,7 +124,9 @@ fn a_right_dump_is_ordinary_rounding_without_onnx_runtime() {
         .expect("the built command starts");
     let out = String::from_utf8(run.stdout).expect("UTF-8");
     assert_eq!(run.status.code(), Some(0), "{out}{}", String::from_utf8_lossy(&run.stderr));
-    for words in ["Is anything outside rounding?\n  No", "Where does it start, and why?\n  Nowhere", "3 of 3 nodes"] {
+    for words in
+        ["Is anything outside rounding?\n  No", "Where does it start, and why?\n  Nowhere", "3 of 3 nodes"]
+    {
         assert!(out.contains(words), "{words:?} in {out}");
     }
     assert!(!out.contains('\u{1b}'), "no colours where there is no terminal");
@@ -228,7 +230,12 @@ fn files_that_cannot_be_written_are_refused_before_the_work() {
 #[test]
 fn words_that_make_no_sense_are_usage() {
     let scene = Scene::new();
-    for words in [&[][..], &["@/net.onnx", "--runtime", "abacus"], &["@/net.onnx", "--dim", "N"], &["@/net.onnx", "diff"]] {
+    for words in [
+        &[][..],
+        &["@/net.onnx", "--runtime", "abacus"],
+        &["@/net.onnx", "--dim", "N"],
+        &["@/net.onnx", "diff"],
+    ] {
         let run = scene.run(words);
         assert_eq!(run.status, 2, "{words:?}: {run:?}");
     }

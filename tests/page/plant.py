@@ -1,6 +1,7 @@
-"""A dump of an engine with a fault: ONNX Runtime on a graph of which one attribute was changed, under the names of the true graph.
+"""A dump of an engine with a fault: ONNX Runtime on a graph with one switch turned over, under the names of the true graph.
 
-Usage: plant.py GRAPH.onnx NODE ATTRIBUTE VALUE SHAPES DUMP.npz, SHAPES as JSON {"input": [1, 3, 64, 64]}
+Usage: plant.py GRAPH.onnx OPERATOR ATTRIBUTE SHAPES DUMP.npz: in the last node of the operator, the attribute (0 or 1) is turned over.
+SHAPES is JSON: {"input": [1, 3, 64, 64]}; inputs are normal numbers.
 """
 
 import json
@@ -11,12 +12,11 @@ import onnx
 import onnxruntime
 
 
-def main(graph, node, attribute, value, shapes, dump):
+def main(graph, operator, attribute, shapes, dump):
     model = onnx.load(graph)
-    (found,) = [each for each in model.graph.node if each.name == node]
-    kept = [each for each in found.attribute if each.name != attribute]
-    del found.attribute[:]
-    found.attribute.extend([*kept, onnx.helper.make_attribute(attribute, json.loads(value))])
+    node = [each for each in model.graph.node if each.op_type == operator][-1]
+    (switch,) = [each for each in node.attribute if each.name == attribute]
+    switch.i = 1 - switch.i
     known = {each.name for each in model.graph.output}
     names = [name for each in model.graph.node for name in each.output if name and name not in known]
     model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in names)

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::certificate::Verdict;
@@ -10,7 +11,7 @@ use crate::certificate::Verdict;
 pub const SCHEMA: &str = "vitruvian.audit/1";
 
 /// A verdict, or that there is none: what was not compared is never called right.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 pub enum Grade {
     /// Bit-identical to the reference, rounded to the tensor's precision.
     G0,
@@ -49,7 +50,7 @@ impl fmt::Display for Grade {
 }
 
 /// A whole audit. The verdict is the worst node's: G3 before not-comparable before G2.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Audit {
     /// [`SCHEMA`].
     pub schema: String,
@@ -78,7 +79,7 @@ pub struct Audit {
 }
 
 /// The file that was audited.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GraphSummary {
     /// Its path as given.
     pub path: String,
@@ -91,7 +92,7 @@ pub struct GraphSummary {
 }
 
 /// The first node outside rounding, with all that helps to find the cause.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Outside {
     /// The node's name as in [`NodeReport::name`].
     pub node: String,
@@ -108,7 +109,7 @@ pub struct Outside {
 }
 
 /// A mistake that turns the specified meaning into the numbers that were found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Hypothesis {
     /// A stable name in lower case, such as `align_corners`, `epsilon`, `f16-inputs`.
     pub name: String,
@@ -119,7 +120,7 @@ pub struct Hypothesis {
 }
 
 /// One element that differs, and what it was computed from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WorstElement {
     /// The tensor.
     pub tensor: String,
@@ -136,7 +137,7 @@ pub struct WorstElement {
 }
 
 /// One node of the graph.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NodeReport {
     /// Its place in topological order, from 0.
     pub index: usize,
@@ -163,7 +164,7 @@ pub struct NodeReport {
 }
 
 /// Where a node was written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Source {
     /// Path of the Python file, as the exporter wrote it.
     pub file: String,
@@ -176,7 +177,7 @@ pub struct Source {
 }
 
 /// One tensor that a node made, compared.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TensorReport {
     /// Its name.
     pub name: String,
@@ -231,7 +232,7 @@ pub struct TensorReport {
 }
 
 /// Numbers that are not ordinary, on both sides.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Special {
     /// NaN in the second party's tensor.
     pub nan_found: u64,
@@ -251,7 +252,7 @@ pub struct Special {
 }
 
 /// How much of the graph was compared.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Coverage {
     /// Nodes of the graph.
     pub nodes: usize,
@@ -270,7 +271,7 @@ pub struct Coverage {
 }
 
 /// One reason for not comparing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Unsupported {
     /// The operator.
     pub op: String,
@@ -281,7 +282,7 @@ pub struct Unsupported {
 }
 
 /// One output of the graph, end to end.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OutputReport {
     /// Its name.
     pub name: String,
@@ -295,7 +296,7 @@ pub struct OutputReport {
 }
 
 /// The session as shipped: optimised, with no tensor asked for but the outputs and those that survive.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ShippedReport {
     /// The optimisation level.
     pub level: String,
@@ -308,7 +309,7 @@ pub struct ShippedReport {
 }
 
 /// One tensor of the shipped session.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ShippedTensor {
     /// Its name.
     pub name: String,

@@ -24,9 +24,7 @@ function details(page) {
       node.why ? element("p", {}, node.why) : "",
       isFirst ? cause(first) : "",
       node.source ? source(node.source) : "",
-      node.attributes.length
-        ? [element("h4", {}, "Attributes"), element("dl", {}, node.attributes.map(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]))]
-          .flat() : "",
+      ...(node.attributes.length ? [element("h4", {}, "Attributes"), list(node.attributes)] : []),
       element("h4", {}, "Reads"), element("p", {}, between(node.inputs.map(link), ", ")),
       element("h4", {}, "Makes"), element("p", {}, between(node.outputs.map(name => element("code", {}, name || "(none)")), ", ")),
       ...node.tensors.flatMap(tensor),
@@ -34,6 +32,10 @@ function details(page) {
     );
     panel.scrollTop = 0;
   });
+
+  function list(rows) {
+    return element("dl", {}, rows.map(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+  }
 
   function cause(first) {
     const found = first.hypothesis;
@@ -70,7 +72,7 @@ function details(page) {
     }
     return [
       element("h4", {}, `${found.name}  ${found.element} [${found.shape.join(", ")}]  `, badge(found.verdict)),
-      element("dl", {}, rows.map(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]).flat()),
+      list(rows),
       histogram(found),
       found.worst ? worst(found.worst) : "",
     ];

@@ -46,8 +46,14 @@ const MEANING = {
 };
 
 function badge(grade, isLong) {
-  const words = grade === "not-comparable" ? "not comparable" : isLong ? `${grade} ${MEANING[grade]}` : grade;
-  return element("span", { class: `badge ${grade}` }, words);
+  const short = grade === "not-comparable" ? "n/c" : grade;
+  const words = !isLong ? short : short === grade ? `${grade} ${MEANING[grade]}` : MEANING[grade];
+  return element("span", { class: `badge ${grade}`, title: MEANING[grade] }, words);
+}
+
+/** The end of a long name: that is where names differ. */
+function ending(text, most) {
+  return text.length > most ? `…${text.slice(1 - most)}` : text;
 }
 
 /** The tensor that gives a node its verdict. */

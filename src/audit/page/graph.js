@@ -20,14 +20,13 @@ function graph(page) {
   }
   const boxes = audit.nodes.map((node, at) => {
     const [x, y] = drawing.nodes[at];
-    const fit = (text, most) => (text.length > most ? `…${text.slice(1 - most)}` : text);
     const box = shape("g", { class: `node ${node.verdict}`, transform: `translate(${x - wide / 2} ${y - tall / 2})`, tabindex: "-1",
       role: "button", "aria-label": `${node.op} ${node.name}, ${MEANING[node.verdict]}`, "data-node": at,
       onclick: () => page.choose(at), onkeydown: event => walk(event, at), onfocus: () => reveal(at) },
     shape("rect", { width: wide, height: tall }),
-    shape("text", { x: 9, y: 17 }, fit(node.op, 19)),
+    shape("text", { x: 9, y: 17 }, ending(node.op, 19)),
     shape("text", { x: wide - 8, y: 17, class: "grade" }, node.verdict === "not-comparable" ? "?" : node.verdict),
-    shape("text", { x: 9, y: 32, class: "small" }, fit(node.name, 27)),
+    shape("text", { x: 9, y: 32, class: "small" }, ending(node.name, 27)),
     shape("title", {}, node.name));
     world.append(box);
     return box;

@@ -11,8 +11,8 @@ function nodeTable(page) {
   const number = value => (value === null || value === undefined ? -Infinity : value);
   const columns = [
     { name: "#", title: "Place in the graph's order", key: row => row.at, cell: row => String(row.at + 1) },
-    { name: "node", words: true, key: row => row.node.name, cell: row => row.node.name },
-    { name: "operator", words: true, key: row => row.node.op, cell: row => row.node.op },
+    { name: "node", words: true, key: row => row.node.name, cell: row => ending(row.node.name, 40) },
+    { name: "operator", words: true, key: row => row.node.op, cell: row => ending(row.node.op, 24) },
     { name: "grade", words: true, title: "G0 bit for bit, G1 rounding, G2 unusual, G3 not rounding", descending: true,
       key: row => [-GRADES.indexOf(row.node.verdict), row.share], cell: row => badge(row.node.verdict) },
     { name: "csu", title: "Largest difference in condition-scaled ulps", descending: true,
@@ -41,7 +41,7 @@ function nodeTable(page) {
   const shown = element("span", { id: "shown", role: "status", class: "soft" });
   const filters = element("div", { class: "filters" },
     element("fieldset", {}, element("legend", {}, "Grade"), [...grades.keys()].map(grade => element("label", {},
-      element("input", { type: "checkbox", checked: true, value: grade, onchange: event => { grades.set(grade, event.target.checked); update(); } }), " ", badge(grade),
+      element("input", { type: "checkbox", checked: true, value: grade, onchange: event => { grades.set(grade, event.target.checked); update(); } }), " ", badge(grade, grade === "not-comparable"),
       element("span", { class: "soft" }, ` ${rows.filter(row => row.node.verdict === grade).length}`)))),
     element("label", {}, element("span", { class: "soft" }, "Operator "), operator),
     element("label", {}, element("span", { class: "soft" }, "Name "), search), shown);
@@ -57,7 +57,7 @@ function nodeTable(page) {
     let line;
     return () => line ??= element("tr", { "data-node": row.at, tabindex: "0", onclick: () => page.choose(row.at),
       onkeydown: event => { if (event.key === "Enter") page.choose(row.at); } },
-    columns.map(of => element("td", { class: of.words && "words", title: of.words && of.name !== "grade" ? of.key(row) : undefined }, of.cell(row))));
+    columns.map(of => element("td", { class: of.words && "words", title: of.words && of.name !== "grade" && of.key(row) }, of.cell(row))));
   });
 
   function compare(a, b) {
