@@ -9,8 +9,10 @@ use vitruvian_reference::nn::{Rounded, Scalar as _};
 
 use super::judge::Meaning;
 use super::precision::Precision;
+use crate::certificate::UNIT_ROUNDOFF;
 use crate::onnx::message::NodeProto;
 use crate::onnx::value::{Data, Value};
+use crate::onnx::walk;
 
 /// Roundings of a coordinate, or of a quotient before it is cut to an integer, on its way through the operator.
 const ROUNDINGS: f64 = 4.0;
@@ -29,6 +31,9 @@ const JUMPING: [&str; 11] = [
     "Round",
     "Sign",
 ];
+
+/// The outputs of a node, once for each way in which its decisions may fall.
+pub(super) type Outcomes = Vec<Vec<Option<Value<Rounded>>>>;
 
 /// An operand that decides, and how far each of its numbers may be off.
 struct Deciding {
@@ -51,15 +56,15 @@ fn bound(x: &Rounded, precision: &Precision) -> f64 {
     precision.bound(x)
 }
 
-fn deciding(operator: &str, operands: &[Option<Value<Rounded>>]) -> Vec<Deciding> {
-    match operator {
-        "GridSample" => {
+fn deciding(node: &NodeProto, operands: &[Option<Value<Rounded>>]) -> Vec<Deciding> {
+    match node.op_type.as_deref().unwrap_or_default() {
+        "GridSample" if node.attribute.iter().any(|attribute| attribute.s.as_deref() == Some(b"nearest")) => {
             let axes = operands.get(1).and_then(Option::as_ref).and_then(|grid| grid.shape().last().copied());
             vec![Deciding { operand: 1, axes: axes.unwrap_or(1).min(3), reach: coordinate }]
         }
         "QuantizeLinear" => vec![Deciding { operand: 0, axes: 1, reach: relative }],
         "QLinearConv" | "QLinearMatMul" => vec![Deciding { operand: 1, axes: 1, reach: relative }],
-        _ if JUMPING.contains(&operator) => {
+        operator if JUMPING.contains(&operator) => {
             let inexact = |operand: &Option<Value<Rounded>>| {
                 let numbers = operand.as_ref().and_then(|value| value.numbers().ok());
                 numbers.is_some_and(|numbers| numbers.data.iter().any(|x| x.terms > 0.0))
@@ -71,14 +76,31 @@ fn deciding(operator: &str, operands: &[Option<Value<Rounded>>]) -> Vec<Deciding
     }
 }
 
+/// What the specification leaves open of a node: the outputs with its decisions made otherwise.
+pub(super) fn specified_outcomes(
+    node: &NodeProto,
+    opset: i64,
+    operands: &[Option<Value<Rounded>>],
+) -> Outcomes {
+    let borrowed: Vec<_> = operands.iter().map(Option::as_ref).collect();
+    // Coordinates are rarely kept in less than f32, whatever the image is of.
+    let unit = borrowed.iter().flatten().filter_map(|value| value.element.unit_roundoff());
+    let unit = unit.fold(UNIT_ROUNDOFF, f64::max);
+    let resampled = walk::alternatives(node, opset, &borrowed, unit);
+    if resampled.is_empty() {
+        return other_outcomes(node, opset, operands, &walk::evaluate);
+    }
+    resampled.into_iter().map(|value| vec![Some(value)]).collect()
+}
+
 /// The outputs with the deciding operands moved in every combination of directions; none where nothing jumps.
 pub(super) fn other_outcomes(
     node: &NodeProto,
     opset: i64,
     operands: &[Option<Value<Rounded>>],
     meaning: &Meaning,
-) -> Vec<Vec<Option<Value<Rounded>>>> {
-    let deciding = deciding(node.op_type.as_deref().unwrap_or_default(), operands);
+) -> Outcomes {
+    let deciding = deciding(node, operands);
     let directions: usize = deciding.iter().map(|deciding| deciding.axes).sum();
     if directions == 0 {
         return Vec::new();

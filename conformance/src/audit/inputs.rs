@@ -31,6 +31,7 @@ pub fn draw(model: &Model, seed: u64, dimensions: &BTreeMap<String, usize>) -> R
     let declared = model.declared_inputs();
     let mut open: Vec<&str> = declared.iter().flat_map(|input| symbols(input)).collect();
     open.retain(|symbol| length(symbol, dimensions).is_none());
+    open.iter_mut().for_each(|symbol| *symbol = parts(symbol).map_or(*symbol, |(symbol, _, _)| symbol));
     open.sort_unstable();
     open.dedup();
     if !open.is_empty() {
@@ -63,12 +64,17 @@ fn length(symbol: &str, dimensions: &BTreeMap<String, usize>) -> Option<usize> {
     if let Some(&length) = dimensions.get(symbol) {
         return Some(length);
     }
-    if let Some((whole, part)) = symbol.split_once('/') {
-        let part: usize = part.trim().parse().ok().filter(|&part| part > 0)?;
-        return Some(dimensions.get(whole.trim())? / part);
+    let (symbol, factor, divisor) = parts(symbol)?;
+    Some(dimensions.get(symbol)?.checked_mul(factor)? / divisor)
+}
+
+/// `S/2` is (S, 1, 2), `2*S` is (S, 2, 1).
+fn parts(symbol: &str) -> Option<(&str, usize, usize)> {
+    if let Some((symbol, divisor)) = symbol.split_once('/') {
+        return Some((symbol.trim(), 1, divisor.trim().parse().ok().filter(|&divisor| divisor > 0)?));
     }
     let (factor, symbol) = symbol.split_once('*')?;
-    dimensions.get(symbol.trim())?.checked_mul(factor.trim().parse().ok()?)
+    Some((symbol.trim(), factor.trim().parse().ok()?, 1))
 }
 
 fn symbols(input: &ValueInfoProto) -> Vec<&str> {

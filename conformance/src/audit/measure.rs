@@ -100,11 +100,11 @@ impl Measure {
         self.precision.is_some_and(|precision| precision.grade(found, expected).verdict.is_rounding())
     }
 
-    /// Compares one element, which lies at this offset, of a float tensor.
+    /// Compares one element of a float tensor; `place` is its offset, asked for only if it is among the worst.
     ///
     /// # Panics
     /// When the tensor is not one of floats.
-    pub fn number(&mut self, place: usize, found: f64, expected: &Rounded) {
+    pub fn number(&mut self, place: impl FnOnce() -> usize, found: f64, expected: &Rounded) {
         let precision = self.precision.expect("numbers are of a float type");
         let graded = precision.grade(found, expected);
         self.count_special(&precision, found, expected.value);
@@ -143,7 +143,7 @@ impl Measure {
     }
 
     /// Compares one element of a tensor of integers or truths.
-    pub fn integer(&mut self, place: usize, found: i128, expected: i128) {
+    pub fn integer(&mut self, place: impl FnOnce() -> usize, found: i128, expected: i128) {
         let error = (found - expected).unsigned_abs() as f64;
         let (verdict, csu) =
             if error == 0.0 { (Verdict::Exact, 0.0) } else { (Verdict::Different, f64::INFINITY) };
@@ -155,12 +155,20 @@ impl Measure {
     }
 
     /// Accepts one element because a decision about it is closer than the rounding.
-    pub fn accept_undecidable(&mut self, place: usize, found: f64, expected: f64) {
+    pub fn accept_undecidable(&mut self, found: f64, expected: f64) {
         self.undecidable += 1;
-        self.element(place, Verdict::Rounding, 0.0, 0.0, found, expected);
+        self.element(|| 0, Verdict::Rounding, 0.0, 0.0, found, expected);
     }
 
-    fn element(&mut self, place: usize, verdict: Verdict, csu: f64, share: f64, found: f64, expected: f64) {
+    fn element(
+        &mut self,
+        place: impl FnOnce() -> usize,
+        verdict: Verdict,
+        csu: f64,
+        share: f64,
+        found: f64,
+        expected: f64,
+    ) {
         self.compared += 1;
         self.verdict = self.verdict.max(verdict);
         self.csu_max = self.csu_max.max(if csu.is_nan() { f64::INFINITY } else { csu });
@@ -175,7 +183,7 @@ impl Measure {
         }
         let rank = if verdict == Verdict::Different { share.max(1.0) } else { share };
         if rank > 0.0 && (self.bad.len() < KEPT || self.bad.iter().any(|bad| bad.share < rank)) {
-            self.bad.push(Bad { place, share: rank, expected, found, csu });
+            self.bad.push(Bad { place: place(), share: rank, expected, found, csu });
             self.keep_worst();
         }
     }
@@ -325,7 +333,7 @@ mod tests {
         for i in range {
             let expected = Rounded { value: 1.0 + i as f64 / 1024.0, magnitude: 4.0, terms: 100.0 };
             let csu = (i % 10) as f64 * if i % 20 < 10 { 1.0 } else { -1.0 };
-            measure.number(i, expected.value + csu * 4.0 * UNIT_ROUNDOFF, &expected);
+            measure.number(|| i, expected.value + csu * 4.0 * UNIT_ROUNDOFF, &expected);
         }
         measure
     }
@@ -368,7 +376,7 @@ mod tests {
             for i in 0..64 {
                 let expected = Rounded { value: 1.0, magnitude: 8.0, terms: 128.0 };
                 let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-                measure.number(i, 1.0 + sign * relative, &expected);
+                measure.number(|| i, 1.0 + sign * relative, &expected);
             }
             measure.report("x", &[64], None).effective_bits.expect("differences")
         };
@@ -378,9 +386,9 @@ mod tests {
     #[test]
     fn a_wrong_integer_is_different_and_has_no_finite_csu() {
         let mut measure = Measure::new(ElementType::I64, 3);
-        measure.integer(0, 5, 5);
-        measure.integer(1, 7, 4);
-        measure.accept_undecidable(2, 1.0, 2.0);
+        measure.integer(|| 0, 5, 5);
+        measure.integer(|| 1, 7, 4);
+        measure.accept_undecidable(1.0, 2.0);
         let report = measure.report("i", &[3], None);
         assert_eq!((report.verdict, report.csu_max, report.abs_max), (Grade::G3, None, Some(3.0)));
         assert_eq!((report.compared, report.undecidable), (3, 1));

@@ -10,6 +10,7 @@
 //! | [`party`] | who computed: [`onnx_runtime`] runs the graph, [`dump`] reads what another engine left |
 //! | [`case`] | one node with its operands and outputs |
 //! | [`judge`] | the certificate of one node |
+//! | [`region`] | a box of a tensor; large nodes are judged box by box, or by a stated sample of boxes |
 //! | [`precision`], [`measure`], [`slope`] | the grade of an element, of a tensor, of what all its elements share |
 //!
 //! # What if the second party lacks a tensor?
@@ -18,7 +19,9 @@
 //! only if that bound still says something.
 
 pub mod case;
+mod chain;
 mod discontinuity;
+mod division;
 pub mod dump;
 mod estimate;
 mod findings;
@@ -30,13 +33,17 @@ pub mod onnx_runtime;
 pub mod party;
 pub mod precision;
 mod reading;
-mod region;
+pub mod region;
 pub mod report;
+mod retype;
+mod same_order;
+mod sample;
 mod segment;
 pub mod slope;
 pub mod variant;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -52,16 +59,29 @@ pub use report::Audit;
 use crate::error::{Error, Result};
 use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::TypedTensor;
+use chain::Chain;
 use findings::Findings;
 use node::Node;
 use party::{Held, Segment, Tensors};
 use report::{GraphSummary, SCHEMA};
+use retype::{output_element, retyped};
 
 /// What may be chosen about an audit.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// Where the inputs came from, for the report.
     pub inputs: String,
+    /// About how many products the reference may compute, over all nodes: what would take more is judged by sample.
+    pub effort: f64,
+    /// About how many products one pass of the reference's own chain may compute; it makes several.
+    pub chain: f64,
+}
+
+impl Default for Options {
+    /// An effort that two cores make in well under a minute.
+    fn default() -> Self {
+        Self { inputs: String::new(), effort: 4e9, chain: 3e8 }
+    }
 }
 
 /// Audits a graph: every node that `party` ran, from the party's own operands.
@@ -78,17 +98,22 @@ pub fn audit(
     progress: &mut dyn FnMut(usize, usize, &str),
 ) -> Result<Audit> {
     let begin = Instant::now();
-    let mut held = given(model, inputs)?;
-    let last_use = last_uses(model);
-    let mut findings = Findings::new(party.computes());
-    let total = model.nodes().len();
-    while findings.nodes.len() < total {
-        let first = findings.nodes.len();
-        let mut segment = party.segment(model, first, &held)?;
-        findings.notes.append(&mut segment.notes);
-        judge_segment(model, segment, &mut held, &mut findings, progress);
-        let next = findings.nodes.len();
-        held.retain(|name, _| last_use.get(name.as_str()).is_some_and(|&last| last >= next));
+    let mut run = Run {
+        model,
+        computes: party.computes(),
+        effort: options.effort,
+        last_use: last_uses(model),
+        held: given(model, inputs)?,
+        findings: Findings::new(party.computes()),
+        chain: Chain::new(model, inputs, options.chain),
+    };
+    while run.findings.nodes.len() < model.nodes().len() {
+        let segment = party.segment(model, run.findings.nodes.len(), &run.held)?;
+        run.judge(segment, progress);
+    }
+    let Run { mut findings, chain, .. } = run;
+    if let Some(why) = &chain.ended {
+        findings.notes.push(format!("differences from end to end are not stated: {why}"));
     }
     let coverage = findings.coverage(party.unmatched());
     Ok(Audit {
@@ -106,7 +131,7 @@ pub fn audit(
         notes: findings.notes(),
         nodes: findings.nodes,
         coverage,
-        outputs: Vec::new(),
+        outputs: chain.outputs(),
         shipped: None,
         seconds: begin.elapsed().as_secs_f64(),
     })
@@ -146,29 +171,70 @@ fn last_uses(model: &Model) -> BTreeMap<&str, usize> {
     last
 }
 
-/// Judges the nodes of a segment: those whose outputs are all there in parallel, the others one after the other, since what
-/// is filled in for one is read by the next.
-fn judge_segment(
-    model: &Model,
-    segment: Segment,
-    held: &mut Tensors,
-    findings: &mut Findings,
-    progress: &mut dyn FnMut(usize, usize, &str),
-) {
-    let Segment { nodes, tensors, missing, .. } = segment;
-    held.extend(tensors.into_iter().map(|(name, tensor)| (name, Held::Given(Arc::new(tensor)))));
-    let is_whole =
-        |index: &usize| model.nodes()[*index].output.iter().all(|name| !missing.contains_key(name));
-    let mut index = nodes.start;
-    while index < nodes.end {
-        let run = (index..nodes.end).take_while(is_whole).count().max(1);
-        let judged: Vec<Node> =
-            (index..index + run).into_par_iter().map(|i| Node::judge(model, i, held)).collect();
-        for node in judged {
-            progress(node.report.index + 1, model.nodes().len(), &node.report.name);
-            findings.add(node, &missing, held);
+/// An audit under way.
+struct Run<'a> {
+    model: &'a Model,
+    computes: bool,
+    effort: f64,
+    last_use: BTreeMap<&'a str, usize>,
+    held: Tensors,
+    findings: Findings,
+    chain: Chain,
+}
+
+impl Run<'_> {
+    /// Holds the tensors of a segment, each in the type that it has in the graph.
+    fn hold(&mut self, nodes: &Range<usize>, mut tensors: BTreeMap<String, TypedTensor>) {
+        for node in &self.model.nodes()[nodes.clone()] {
+            // An engine's own types are what they are; only what was written to a file may have been widened.
+            let element = if self.computes {
+                None
+            } else {
+                output_element(node, |name| self.held.get(name)?.element())
+            };
+            for (k, name) in node.output.iter().enumerate() {
+                let Some(mut tensor) = tensors.remove(name) else { continue };
+                if let Some(element) = element.filter(|&element| k == 0 && element != tensor.element()) {
+                    let kept = tensor.element();
+                    self.findings.notes.push(format!(
+                        "\"{name}\" is {element} in the graph and was kept as {kept}; it is judged as {element}"
+                    ));
+                    tensor = retyped(&tensor, element);
+                }
+                self.held.insert(name.clone(), Held::Given(Arc::new(tensor)));
+            }
         }
-        index += run;
+    }
+
+    /// Judges the nodes of a segment: those whose outputs are all there in parallel, the others one after the other, since
+    /// what is filled in for one is read by the next.
+    fn judge(&mut self, segment: Segment, progress: &mut dyn FnMut(usize, usize, &str)) {
+        let Segment { nodes, tensors, missing, mut notes } = segment;
+        let total = self.model.nodes().len();
+        self.findings.notes.append(&mut notes);
+        self.hold(&nodes, tensors);
+        let costs: Vec<f64> = nodes.clone().map(|i| node::cost(self.model, i, &self.held)).collect();
+        let effort = sample::share(&costs, self.effort * nodes.len() as f64 / total as f64);
+        let is_whole =
+            |index: &usize| self.model.nodes()[*index].output.iter().all(|name| !missing.contains_key(name));
+        let mut next = nodes.start;
+        while next < nodes.end {
+            let end = next + (next..nodes.end).take_while(is_whole).count().max(1);
+            let judge = |index| Node::judge(self.model, index, &self.held, effort);
+            let judged: Vec<Node> = (next..end).into_par_iter().map(judge).collect();
+            for node in judged {
+                let index = node.report.index;
+                progress(index + 1, total, &node.report.name);
+                self.findings.add(node, &missing, &mut self.held);
+                let cost = costs[index - nodes.start];
+                let report = &mut self.findings.nodes[index];
+                self.chain.step(self.model, index, &self.held, cost, report);
+                self.chain.retain(|name| self.last_use.get(name).is_some_and(|&last| last > index));
+            }
+            next = end;
+        }
+        let needed = |name: &str| self.last_use.get(name).is_some_and(|&last| last >= nodes.end);
+        self.held.retain(|name, _| needed(name));
     }
 }
 

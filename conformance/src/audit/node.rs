@@ -3,13 +3,12 @@
 use std::time::Instant;
 
 use super::case::{Case, Operand, View};
-use super::judge::{Judgement, judge_view};
+use super::judge::{self, Judgement, judge_view};
 use super::party::{Held, Tensors};
 use super::report::NodeReport;
 use crate::onnx::message::{AttributeProto, NodeProto};
 use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::TypedTensor;
-use crate::onnx::walk;
 
 /// One node, judged.
 pub(super) struct Node {
@@ -23,14 +22,14 @@ pub(super) struct Node {
 
 impl Node {
     /// Judges a node from the tensors that are held.
-    pub fn judge(model: &Model, index: usize, held: &Tensors) -> Self {
+    pub fn judge(model: &Model, index: usize, held: &Tensors, effort: f64) -> Self {
         let begin = Instant::now();
         let node = &model.nodes()[index];
         let name = name(node, index);
         let (mut case, mut derived) = (None, Vec::new());
         let judgement = match view(node, model.opset(), held, &mut derived) {
             Ok(view) => {
-                let judgement = judge_view(&view, &walk::evaluate);
+                let judgement = judge_view(&view, effort);
                 if judgement.is_outside() {
                     case = owned(&view, &name);
                 }
@@ -53,6 +52,12 @@ impl Node {
         };
         Self { report, judgement, derived, case }
     }
+}
+
+/// About how many products a node of a graph takes.
+pub(super) fn cost(model: &Model, index: usize, held: &Tensors) -> f64 {
+    let view = view(&model.nodes()[index], model.opset(), held, &mut Vec::new());
+    view.map_or(0.0, |view| judge::cost(&view))
 }
 
 /// A node's name as reports give it: the file's, or `OPERATOR_INDEX` where it gives none.

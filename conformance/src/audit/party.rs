@@ -7,6 +7,7 @@ use std::sync::Arc;
 use vitruvian_reference::nn::Rounded;
 
 use crate::error::Result;
+use crate::onnx::element::ElementType;
 use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::TypedTensor;
 use crate::onnx::value::Value;
@@ -25,6 +26,15 @@ pub enum Held {
 }
 
 impl Held {
+    /// Its element type, where it is there.
+    pub fn element(&self) -> Option<ElementType> {
+        match self {
+            Self::Constant(tensor) | Self::Given(tensor) => Some(tensor.element()),
+            Self::Derived(value) => Some(value.element),
+            Self::Unknown(_) => None,
+        }
+    }
+
     /// Its shape, where it is there.
     pub fn shape(&self) -> Option<&[usize]> {
         match self {

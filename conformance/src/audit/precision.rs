@@ -101,7 +101,8 @@ impl Precision {
         let bound = self.bound(expected);
         if !(found.is_finite() && value.is_finite()) {
             let beyond = |reach: f64| reach >= self.largest * (1.0 - self.unit);
-            let verdict = if value.is_finite() && !found.is_nan() && beyond(value.abs() + bound) {
+            let same_end = found.is_infinite() && (found > 0.0) == (value > 0.0);
+            let verdict = if value.is_finite() && same_end && beyond(value.abs() + bound) {
                 Verdict::Rounding
             } else if value.is_finite() && expected.terms > 0.0 && beyond(expected.magnitude + bound) {
                 Verdict::Unusual

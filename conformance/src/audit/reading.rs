@@ -4,7 +4,9 @@ use vitruvian_reference::nn::{Rounded, Scalar as _};
 
 use super::case::Operand;
 use super::precision::Precision;
+use super::region::{Region, part, value_part};
 use crate::onnx::element::ElementType;
+use crate::onnx::typed_tensor::{Elements, TypedTensor};
 use crate::onnx::value::{Data, Value};
 
 /// What the second party is taken to have had in place of the numbers it shows.
@@ -32,15 +34,12 @@ impl Reading {
         if given().any(|tensor| is_half(tensor.element())) {
             readings.push(Self::Unrounded);
         }
-        let subnormal = |tensor: &crate::onnx::typed_tensor::TypedTensor| {
-            use crate::onnx::typed_tensor::Elements;
-            match &tensor.elements {
-                Elements::F32(v) => v.iter().any(|x| x.is_subnormal()),
-                Elements::F64(v) => v.iter().any(|x| x.is_subnormal()),
-                Elements::F16(v) => v.iter().any(|x| x.is_normal() != (x.to_f32() != 0.0) && x.is_finite()),
-                Elements::Bf16(v) => v.iter().any(|x| x.to_f32().is_subnormal()),
-                _ => false,
-            }
+        let subnormal = |tensor: &TypedTensor| match &tensor.elements {
+            Elements::F32(v) => v.iter().any(|x| x.is_subnormal()),
+            Elements::F64(v) => v.iter().any(|x| x.is_subnormal()),
+            Elements::F16(v) => v.iter().any(|x| x.classify() == std::num::FpCategory::Subnormal),
+            Elements::Bf16(v) => v.iter().any(|x| x.classify() == std::num::FpCategory::Subnormal),
+            _ => false,
         };
         if given().any(subnormal) {
             readings.push(Self::Flushed);
@@ -48,14 +47,16 @@ impl Reading {
         readings
     }
 
-    /// The operand's value under this reading.
+    /// The operand's value, or a part of it, under this reading.
     ///
     /// # Errors
     /// When a value cannot hold the operand.
-    pub fn value(self, operand: Operand) -> Result<Value<Rounded>, String> {
-        let mut value: Value<Rounded> = match operand {
-            Operand::Given(tensor) => Value::of(tensor)?,
-            Operand::Derived(value) => return Ok(value.clone()),
+    pub fn value(self, operand: Operand, region: Option<&Region>) -> Result<Value<Rounded>, String> {
+        let mut value: Value<Rounded> = match (operand, region) {
+            (Operand::Given(tensor), None) => Value::of(tensor)?,
+            (Operand::Given(tensor), Some(region)) => Value::of(&part(tensor, region))?,
+            (Operand::Derived(value), None) => return Ok(value.clone()),
+            (Operand::Derived(value), Some(region)) => return Ok(value_part(value, region)),
         };
         let element = value.element;
         if let (Data::Numbers(numbers), Some(precision)) = (&mut value.data, Precision::of(element)) {

@@ -2,7 +2,10 @@
 
 use std::ops::Range;
 
+use vitruvian_reference::nn::{Scalar, Tensor};
+
 use crate::onnx::typed_tensor::{Elements, TypedTensor};
+use crate::onnx::value::{Data, Value};
 
 /// A range of places per axis; a scalar has none and one place.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,28 +84,66 @@ impl Region {
 /// # Panics
 /// When the region does not lie within the tensor.
 pub fn part(tensor: &TypedTensor, region: &Region) -> TypedTensor {
-    fn taken<E: Clone>(elements: &[E], shape: &[usize], region: &Region) -> Vec<E> {
-        let mut part = Vec::with_capacity(region.len());
-        region.runs(shape).for_each(|run| part.extend_from_slice(&elements[run]));
-        part
-    }
-    let shape = &tensor.shape;
-    let elements = match &tensor.elements {
-        Elements::F32(v) => Elements::F32(taken(v, shape, region)),
-        Elements::F64(v) => Elements::F64(taken(v, shape, region)),
-        Elements::F16(v) => Elements::F16(taken(v, shape, region)),
-        Elements::Bf16(v) => Elements::Bf16(taken(v, shape, region)),
-        Elements::I8(v) => Elements::I8(taken(v, shape, region)),
-        Elements::U8(v) => Elements::U8(taken(v, shape, region)),
-        Elements::I16(v) => Elements::I16(taken(v, shape, region)),
-        Elements::U16(v) => Elements::U16(taken(v, shape, region)),
-        Elements::I32(v) => Elements::I32(taken(v, shape, region)),
-        Elements::U32(v) => Elements::U32(taken(v, shape, region)),
-        Elements::I64(v) => Elements::I64(taken(v, shape, region)),
-        Elements::U64(v) => Elements::U64(taken(v, shape, region)),
-        Elements::Bool(v) => Elements::Bool(taken(v, shape, region)),
+    let runs: Vec<Range<usize>> = region.runs(&tensor.shape).collect();
+    TypedTensor { shape: region.shape(), elements: taken(&tensor.elements, &runs) }
+}
+
+/// The elements that lie at these offsets, one after the other, as a tensor of one axis.
+///
+/// # Panics
+/// When there are not so many.
+pub fn flat(tensor: &TypedTensor, offsets: Range<usize>) -> TypedTensor {
+    TypedTensor { shape: vec![offsets.len()], elements: taken(&tensor.elements, &[offsets]) }
+}
+
+/// The part of a value that lies in a region.
+///
+/// # Panics
+/// When the region does not lie within the value.
+pub fn value_part<T: Scalar>(value: &Value<T>, region: &Region) -> Value<T> {
+    let runs: Vec<Range<usize>> = region.runs(value.shape()).collect();
+    value_taken(value, &region.shape(), &runs)
+}
+
+/// The elements of a value that lie at these offsets, as a value of one axis.
+///
+/// # Panics
+/// When there are not so many.
+pub fn value_flat<T: Scalar>(value: &Value<T>, offsets: Range<usize>) -> Value<T> {
+    value_taken(value, &[offsets.len()], &[offsets])
+}
+
+fn value_taken<T: Scalar>(value: &Value<T>, shape: &[usize], runs: &[Range<usize>]) -> Value<T> {
+    let data = match &value.data {
+        Data::Numbers(x) => Data::Numbers(Tensor::new(shape, joined(&x.data, runs))),
+        Data::Integers(x) => Data::Integers(Tensor::new(shape, joined(&x.data, runs))),
+        Data::Truths(x) => Data::Truths(Tensor::new(shape, joined(&x.data, runs))),
     };
-    TypedTensor { shape: region.shape(), elements }
+    Value { element: value.element, data }
+}
+
+fn joined<E: Clone>(elements: &[E], runs: &[Range<usize>]) -> Vec<E> {
+    let mut part = Vec::with_capacity(runs.iter().map(ExactSizeIterator::len).sum());
+    runs.iter().for_each(|run| part.extend_from_slice(&elements[run.clone()]));
+    part
+}
+
+fn taken(elements: &Elements, runs: &[Range<usize>]) -> Elements {
+    match elements {
+        Elements::F32(v) => Elements::F32(joined(v, runs)),
+        Elements::F64(v) => Elements::F64(joined(v, runs)),
+        Elements::F16(v) => Elements::F16(joined(v, runs)),
+        Elements::Bf16(v) => Elements::Bf16(joined(v, runs)),
+        Elements::I8(v) => Elements::I8(joined(v, runs)),
+        Elements::U8(v) => Elements::U8(joined(v, runs)),
+        Elements::I16(v) => Elements::I16(joined(v, runs)),
+        Elements::U16(v) => Elements::U16(joined(v, runs)),
+        Elements::I32(v) => Elements::I32(joined(v, runs)),
+        Elements::U32(v) => Elements::U32(joined(v, runs)),
+        Elements::I64(v) => Elements::I64(joined(v, runs)),
+        Elements::U64(v) => Elements::U64(joined(v, runs)),
+        Elements::Bool(v) => Elements::Bool(joined(v, runs)),
+    }
 }
 
 /// The place, one index per axis, of an element that lies at this offset.

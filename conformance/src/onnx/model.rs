@@ -166,7 +166,7 @@ impl Model {
         &self.bytes
     }
 
-/// The graph itself; calls of the file's own functions are written out.
+    /// The graph itself; calls of the file's own functions are written out.
     pub fn graph(&self) -> &GraphProto {
         &self.graph
     }
