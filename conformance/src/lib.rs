@@ -8,7 +8,7 @@
 //!
 //! # What is judged?
 //! - every operator of the networks on random problems ([`problem`], [`suite::operators`]);
-//! - the judge itself, by planted faults ([`suite::faults`]);
+//! - the judge itself, by planted faults ([`suite::faults`]), and the audit ([`suite::audit_faults`]);
 //! - the exported graphs, node by node and stage by stage ([`suite::networks`]);
 //! - marching cubes, voxels and the inside test ([`suite::surface`]);
 //! - the skinning of bodies ([`suite::body`]);

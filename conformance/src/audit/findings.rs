@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use vitruvian_reference::nn::Rounded;
 
+use super::blame::Scene;
 use super::case::Case;
 use super::node::Node;
 use super::party::{Held, Tensors};
@@ -23,7 +24,7 @@ const SAYS_NOTHING: f64 = 0.1;
 struct Suspect {
     index: usize,
     grade: Grade,
-    case: Option<Case>,
+    scene: Option<Scene>,
     worst: Vec<WorstElement>,
 }
 
@@ -103,7 +104,7 @@ impl Findings {
         } else if !behind.is_empty() {
             self.settle(&mut report, &behind, judgement.slack);
         }
-        self.suspect(&report, case, judgement.worst);
+        self.suspect(&report, case, judgement.worst, held);
         self.nodes.push(report);
     }
 
@@ -134,11 +135,18 @@ impl Findings {
         }
     }
 
-    fn suspect(&mut self, report: &NodeReport, case: Option<Case>, worst: Vec<WorstElement>) {
+    fn suspect(
+        &mut self,
+        report: &NodeReport,
+        case: Option<Case>,
+        worst: Vec<WorstElement>,
+        held: &Tensors,
+    ) {
         let grade = report.verdict;
         let earlier = self.suspect.as_ref().map(|suspect| suspect.grade);
         if (grade == Grade::G3 && earlier != Some(Grade::G3)) || (grade == Grade::G2 && earlier.is_none()) {
-            self.suspect = Some(Suspect { index: report.index, grade, case, worst });
+            let scene = case.map(|case| Scene::new(case, held));
+            self.suspect = Some(Suspect { index: report.index, grade, scene, worst });
         }
     }
 
@@ -168,9 +176,9 @@ impl Findings {
         })
     }
 
-    /// The case of [`Findings::first_outside`]; `None` where an operand of it is missing.
-    pub fn case_outside(&self) -> Option<&Case> {
-        self.suspect.as_ref()?.case.as_ref()
+    /// The scene of [`Findings::first_outside`]; `None` where an operand of it is missing.
+    pub fn scene_outside(&self) -> Option<&Scene> {
+        self.suspect.as_ref()?.scene.as_ref()
     }
 
     /// How much was compared.
@@ -204,7 +212,7 @@ impl Findings {
 }
 
 /// The reference's tensor as its type holds it; `None` where the type cannot.
-fn rounded(value: &Value<Rounded>) -> Option<TypedTensor> {
+pub(super) fn rounded(value: &Value<Rounded>) -> Option<TypedTensor> {
     let element = value.element;
     let elements = match &value.data {
         Data::Truths(truths) => Elements::Bool(truths.data.clone()),

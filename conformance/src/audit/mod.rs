@@ -11,6 +11,8 @@
 //! | [`case`] | one node with its operands and outputs |
 //! | [`judge`] | the certificate of one node |
 //! | [`region`] | a box of a tensor; large nodes are judged box by box, or by a stated sample of boxes |
+//! | [`hypothesis`] | which mistake explains the numbers of a node that is outside rounding |
+//! | [`receptive_field`], [`source`], [`reproduction`] | what else is told about that node |
 //! | [`precision`], [`measure`], [`slope`] | the grade of an element, of a tensor, of what all its elements share |
 //!
 //! # What if the second party lacks a tensor?
@@ -18,6 +20,7 @@
 //! is judged against a bound that has grown along the way. The nodes between are judged together, and count as compared
 //! only if that bound still says something.
 
+mod blame;
 pub mod case;
 mod chain;
 mod discontinuity;
@@ -25,6 +28,7 @@ mod division;
 pub mod dump;
 mod estimate;
 mod findings;
+pub mod hypothesis;
 pub mod inputs;
 pub mod judge;
 pub mod measure;
@@ -33,17 +37,21 @@ pub mod onnx_runtime;
 pub mod party;
 pub mod precision;
 mod reading;
+pub mod receptive_field;
 pub mod region;
 pub mod report;
+pub mod reproduction;
 mod retype;
 mod same_order;
 mod sample;
 mod segment;
 pub mod slope;
+pub mod source;
 pub mod variant;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -75,12 +83,14 @@ pub struct Options {
     pub effort: f64,
     /// About how many products one pass of the reference's own chain may compute; it makes several.
     pub chain: f64,
+    /// Where the one-node reproduction of the first node outside rounding is written; nowhere by default.
+    pub reproductions: Option<PathBuf>,
 }
 
 impl Default for Options {
     /// An effort that two cores make in well under a minute.
     fn default() -> Self {
-        Self { inputs: String::new(), effort: 4e9, chain: 3e8 }
+        Self { inputs: String::new(), effort: 4e9, chain: 3e8, reproductions: None }
     }
 }
 
@@ -89,7 +99,8 @@ impl Default for Options {
 /// `progress` is told how many nodes of how many are judged, and the name of the last.
 ///
 /// # Errors
-/// When an input is missing or unknown, a constant cannot be read, or the party is not there. A disagreement is no error.
+/// When an input is missing or unknown, a constant cannot be read, the party is not there, or the
+/// reproduction that was asked for cannot be written. A disagreement is no error.
 pub fn audit(
     model: &Model,
     inputs: &BTreeMap<String, TypedTensor>,
@@ -115,6 +126,10 @@ pub fn audit(
     if let Some(why) = &chain.ended {
         findings.notes.push(format!("differences from end to end are not stated: {why}"));
     }
+    let mut first_outside = findings.first_outside();
+    if let (Some(outside), Some(scene)) = (&mut first_outside, findings.scene_outside()) {
+        scene.blame(outside, options, &party.describe())?;
+    }
     let coverage = findings.coverage(party.unmatched());
     Ok(Audit {
         schema: SCHEMA.to_owned(),
@@ -127,7 +142,7 @@ pub fn audit(
         },
         runtime: party.describe(),
         inputs: options.inputs.clone(),
-        first_outside: findings.first_outside(),
+        first_outside,
         notes: findings.notes(),
         nodes: findings.nodes,
         coverage,

@@ -47,7 +47,7 @@ impl Node {
             inputs: node.input.clone(),
             outputs: node.output.clone(),
             tensors: judgement.tensors.clone(),
-            source: None,
+            source: super::source::source(node),
             seconds: begin.elapsed().as_secs_f64(),
         };
         Self { report, judgement, derived, case }

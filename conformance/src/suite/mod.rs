@@ -4,12 +4,14 @@
 //! |---|---|
 //! | [`operators`] | every operator of the networks on random problems |
 //! | [`faults`] | the judge itself: planted faults must be seen |
+//! | [`audit_faults`] | the audit: mistakes planted in an engine must be found and named |
 //! | [`networks`] | the exported graphs, node by node and stage by stage |
 //! | [`regressor`] | where the regressor's stages stand in a graph, and faults planted in one |
 //! | [`surface`] | marching cubes, voxels and the inside test |
 //! | [`body`] | skinning of bodies, and planted faults in it |
 //! | [`regress`] | what stands around a regressor: rotations and cameras, and planted faults in it |
 
+pub mod audit_faults;
 pub mod body;
 pub mod faults;
 pub mod networks;
