@@ -25,19 +25,6 @@ pub struct Case {
     pub outputs: Vec<TypedTensor>,
 }
 
-impl Case {
-    /// The one operator of the graph, with its domain where it is not ONNX's own.
-    pub fn operator(&self) -> Option<String> {
-        let mut operators = self.model.operators().into_iter();
-        operators.next().filter(|_| operators.next().is_none())
-    }
-
-    /// Of a graph that spells out an operator in others, the name of the case that has the operator itself.
-    pub fn spelled_out(&self) -> Option<&str> {
-        self.name.split_once("_expanded").map(|(whole, _)| whole)
-    }
-}
-
 /// The folders of all cases under `root`, sorted: `root/KIND/CASE`.
 ///
 /// # Errors
@@ -60,11 +47,14 @@ pub fn read(folder: &Path) -> Result<Vec<(String, std::result::Result<Case, Stri
     let part = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let name = part(folder);
     let kind = folder.parent().map(part).unwrap_or_default();
-    let model = Model::read(&folder.join("model.onnx"));
+    let path = folder.join("model.onnx");
+    let bytes = std::fs::read(&path).map_err(|source| Error::Io { path, source })?;
+    // The name stands before the message of a model that cannot be read; it is known here.
+    let model = Model::from_bytes("model", bytes).map_err(|error| error.to_string());
     let sets: Vec<PathBuf> = entries(folder)?.into_iter().filter(|path| path.is_dir()).collect();
     let case = |(k, set): (usize, &PathBuf)| {
         let name = if k == 0 { name.clone() } else { format!("{name}#{k}") };
-        let case = model.as_ref().map_err(ToString::to_string).and_then(|model| {
+        let case = model.as_ref().map_err(Clone::clone).and_then(|model| {
             let (inputs, outputs) = data(model, set)?;
             Ok(Case { kind: kind.clone(), name: name.clone(), model: model.clone(), inputs, outputs })
         });

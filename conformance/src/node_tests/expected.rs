@@ -182,13 +182,13 @@ fn steps(a: f64, b: f64, element: ElementType) -> u64 {
     u64::try_from((place(a) - place(b)).unsigned_abs()).unwrap_or(u64::MAX)
 }
 
-/// The official rule: |found − expected| ≤ 10⁻⁷ + 10⁻³·|expected|, integers and truths included, NaN equal to NaN.
+/// The official rule: |found − expected| ≤ 10⁻⁷ + 10⁻³·|expected|; infinities and NaN must be the same.
 pub fn passes_officially(found: &[f64], expected: &[f64]) -> bool {
     found.len() == expected.len()
         && found.iter().zip(expected).all(|(&found, &expected)| {
             found == expected
                 || (found.is_nan() && expected.is_nan())
-                || (found - expected).abs() <= 1e-7 + 1e-3 * expected.abs()
+                || (expected.is_finite() && (found - expected).abs() <= 1e-7 + 1e-3 * expected.abs())
         })
 }
 
@@ -245,6 +245,25 @@ mod tests {
         let f64s = TypedTensor::new(&[1], Elements::F64(vec![0.0])).expect("a tensor");
         assert!(y.distance(&[f64s]).expect_err("refused").contains("f64[1]"));
         assert!(y.distance(&[]).is_err(), "no output");
+    }
+
+    #[test]
+    fn the_official_rule_is_relative_and_wants_the_same_infinities() {
+        assert!(passes_officially(
+            &[1.0009, 0.0, f64::NAN, f64::INFINITY],
+            &[1.0, 9e-8, f64::NAN, f64::INFINITY]
+        ));
+        for (found, expected) in [
+            (1.002, 1.0),
+            (0.0, 2e-7),
+            (f64::MAX, f64::INFINITY),
+            (f64::INFINITY, f64::MAX),
+            (0.0, f64::NAN),
+            (f64::NAN, 0.0),
+        ] {
+            assert!(!passes_officially(&[found], &[expected]), "{found} for {expected}");
+        }
+        assert!(!passes_officially(&[], &[1.0]), "none for one");
     }
 
     #[test]

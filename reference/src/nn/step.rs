@@ -46,7 +46,7 @@ pub fn sign<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
 /// If the shapes do not broadcast.
 ///
 /// # References
-/// ONNX operator Mod (version 13), fmod = 0 and 1.
+/// ONNX operator Mod (version 28), fmod = 0 and 1.
 pub fn modulo<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>, truncated: bool) -> Tensor<T> {
     broadcast("modulo", a, b, |a, b| {
         let remainder = a.value() % b.value();
@@ -56,7 +56,17 @@ pub fn modulo<T: Scalar>(a: &Tensor<T>, b: &Tensor<T>, truncated: bool) -> Tenso
         let magnitude = remainder.abs().max(passed_on(a, 1.0) + passed_on(b, quotient));
         let remainder = T::within(remainder, magnitude, a.terms().max(b.terms()));
         let other_side = remainder.value() != 0.0 && (remainder.value() < 0.0) != (b.value() < 0.0);
-        if other_side && !truncated { remainder + b } else { remainder }
+        match truncated {
+            false if other_side => remainder + b,
+            // A zero has a sign as well.
+            false
+                if remainder.value() == 0.0
+                    && remainder.value().is_sign_negative() != b.value().is_sign_negative() =>
+            {
+                -remainder
+            }
+            _ => remainder,
+        }
     })
 }
 
@@ -66,6 +76,17 @@ mod tests {
 
     fn all(f: impl Fn(&Tensor) -> Tensor, x: &[f64]) -> Vec<f64> {
         f(&Tensor::new(&[x.len()], x.to_vec())).data
+    }
+
+    #[test]
+    fn a_remainder_of_zero_has_the_sign_of_the_divisor_or_of_the_dividend() {
+        let (a, b) =
+            (Tensor::new(&[4], vec![0.0, -0.0, 4.0, -4.0]), Tensor::new(&[4], vec![-2.0, 2.0, -2.0, 2.0]));
+        let negative = |truncated| {
+            modulo(&a, &b, truncated).data.iter().map(|y| y.is_sign_negative()).collect::<Vec<_>>()
+        };
+        assert_eq!(negative(false), [true, false, true, false]);
+        assert_eq!(negative(true), [false, true, false, true]);
     }
 
     #[test]

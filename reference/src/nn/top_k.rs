@@ -28,7 +28,7 @@ pub fn top_k<T: Copy>(
     let mut shape = x.shape.clone();
     shape[axis] = count;
     let mut places = Tensor::filled(&shape, 0);
-    let lines = if length == 0 { 0 } else { x.data.len() / length };
+    let lines = x.data.len().checked_div(length).unwrap_or(0);
     for line in 0..lines {
         let (outer, inner) = (line / run, line % run);
         let element = |place: usize| &x.data[(outer * length + place) * run + inner];

@@ -237,11 +237,12 @@ fn written<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
 fn topmost<T: Scalar>(call: &Call<T>) -> Result<Vec<Value<T>>, String> {
     // `sorted` = 0 leaves the order open: sorted is as good as any.
     let attributes = call.attributes(&["axis", "k", "largest", "sorted"])?;
-    let count = call.list(1, attributes, "k")?;
-    let count = match count.as_deref() {
-        Some(&[count]) if call.opset >= 10 => count,
-        _ if call.opset < 10 => attributes.int("k", 0),
-        _ => return Err("operand 1 holds no single number of elements".into()),
+    let count = match call.optional(1) {
+        None if call.opset < 10 => attributes.int("k", 0),
+        _ => match call.integers(1)?.data[..] {
+            [count] => count,
+            _ => return Err("operand 1 holds no single number of elements".into()),
+        },
     };
     let count = usize::try_from(count).map_err(|_| format!("{count} elements are asked for"))?;
     let at = axis(attributes.int("axis", -1), call.operand(0)?.shape().len())?;

@@ -71,7 +71,15 @@ mod window;
 pub const LARGEST: usize = 1 << 28;
 
 /// The versions of ONNX's operators whose meaning is known here.
-pub const OPSETS: RangeInclusive<i64> = 7..=28;
+///
+/// Those of opset 6 mean what they mean in opset 7, or say by an attribute that they do not, which is refused; but for
+/// [`CHANGED_SILENTLY`].
+pub const OPSETS: RangeInclusive<i64> = 6..=28;
+
+/// Operators whose meaning changed from opset 6 to opset 7 without an attribute to tell.
+///
+/// Inference was the exception for batch normalisation and Dropout, and a list of slopes belonged to the channels.
+const CHANGED_SILENTLY: [&str; 3] = ["BatchNormalization", "Dropout", "PRelu"];
 
 /// A node with its operands, as the dictionary reads it.
 struct Call<'a, T> {
@@ -191,6 +199,9 @@ pub fn evaluate<T: Scalar>(
         let domain = node.domain.as_deref().unwrap_or_default();
         return Err(format!("operator {operator} of domain \"{domain}\" is not known to the judge"));
     }
+    if opset == 6 && CHANGED_SILENTLY.contains(&operator) {
+        return Err(format!("operator {operator} of opset 6 means something else than that of opset 7"));
+    }
     if !OPSETS.contains(&opset) {
         let (first, last) = (OPSETS.start(), OPSETS.end());
         return Err(format!("operator {operator} of opset {opset}; opsets {first} to {last} are known"));
@@ -296,8 +307,10 @@ mod tests {
         foreign.domain = Some("com.microsoft".into());
         let domain = why(&foreign);
         assert!(domain.contains("com.microsoft"), "{domain}");
-        let old = evaluate(&node("Relu", vec![]), 6, &[Some(&x)]).expect_err("refused");
-        assert!(old.contains("opset 6; opsets 7 to 28"), "{old}");
+        let old = evaluate(&node("Relu", vec![]), 5, &[Some(&x)]).expect_err("refused");
+        assert!(old.contains("opset 5; opsets 6 to 28"), "{old}");
+        let changed = evaluate(&node("PRelu", vec![]), 6, &[Some(&x), Some(&x)]).expect_err("refused");
+        assert!(changed.contains("PRelu of opset 6"), "{changed}");
     }
 
     #[test]
