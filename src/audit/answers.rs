@@ -123,7 +123,8 @@ fn some_of(names: &[String]) -> String {
 
 fn start(audit: &Audit) -> Vec<String> {
     let Some(first) = &audit.first_outside else {
-        return match audit.nodes.iter().max_by(|a, b| share(a).total_cmp(&share(b))) {
+        let rounded = audit.nodes.iter().filter(|node| node.verdict != Grade::G0);
+        return match rounded.max_by(|a, b| share(a).total_cmp(&share(b))) {
             Some(node) if share(node) > 0.0 => vec![format!(
                 "Nowhere. {} ({}) comes closest to its bound: {:.0} % of it.",
                 plain(&node.name),

@@ -222,7 +222,7 @@ fn html(report: &DiffReport) -> String {
     let rows = report.attribution.iter().flat_map(|attribution| &attribution.costs).map(cells);
     let table = json!({ "title": "What the nodes cost", "head": COSTS, "rows": rows.collect::<Vec<_>>() });
     let surfaces = report.view.iter().map(|view| {
-        json!({ "title": view.title, "name": view.title, "vertices": view.vertices, "faces": view.faces, "millimetres": view.millimetres })
+        json!({ "title": view.title, "vertices": view.vertices, "faces": view.faces, "millimetres": view.millimetres })
     });
     let mut sentences = measured(report);
     sentences.extend(report.notes.iter().map(|note| format!("Note: {}", plain(note))));

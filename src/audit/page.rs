@@ -42,7 +42,7 @@ pub fn certificate(audit: &Audit) -> String {
         &json!({
             "audit": audit,
             "answers": answers::answers(audit),
-            "drawing": drawing::draw(&audit.nodes),
+            "drawing": drawing::draw(&audit.nodes, &audit.graph.inputs),
             "surfaces": [],
         }),
     )

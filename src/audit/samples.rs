@@ -84,6 +84,7 @@ pub fn clean() -> Audit {
             sha256: "ab".repeat(32),
             opset: 17,
             producer: "pytorch 2.9".into(),
+            inputs: vec!["x".into()],
         },
         runtime: "npz:dump.npz".into(),
         inputs: "seed 0".into(),

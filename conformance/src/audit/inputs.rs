@@ -94,11 +94,11 @@ fn signature(
     dimensions: &BTreeMap<String, usize>,
 ) -> std::result::Result<(ElementType, Vec<usize>), String> {
     let tensor = input.r#type.as_ref().and_then(|t| t.tensor_type.as_ref());
-    let tensor = tensor.ok_or("is no tensor; give it by --input")?;
+    let tensor = tensor.ok_or("is no tensor; give it by --inputs")?;
     let number = tensor.elem_type.unwrap_or(0);
     let element =
         ElementType::from_number(number).ok_or_else(|| format!("element type {number} is not drawn"))?;
-    let shape = tensor.shape.as_ref().ok_or("the graph does not say its shape; give it by --input")?;
+    let shape = tensor.shape.as_ref().ok_or("the graph does not say its shape; give it by --inputs")?;
     let sides = shape.dim.iter().map(|dim| match &dim.value {
         Some(DimensionValue::Number(side)) => {
             usize::try_from(*side).map_err(|_| format!("a side of its shape is {side}"))
@@ -106,7 +106,7 @@ fn signature(
         Some(DimensionValue::Symbol(symbol)) => {
             length(symbol, dimensions).ok_or_else(|| format!("its side {symbol} is open"))
         }
-        None => Err("a side of its shape is open and has no name; give it by --input".to_owned()),
+        None => Err("a side of its shape is open and has no name; give it by --inputs".to_owned()),
     });
     Ok((element, sides.collect::<std::result::Result<_, _>>()?))
 }

@@ -139,6 +139,7 @@ pub fn audit(
             sha256: model.sha256(),
             opset: model.opset(),
             producer: model.producer().to_owned(),
+            inputs: model.inputs().into_iter().map(str::to_owned).collect(),
         },
         runtime: party.describe(),
         inputs: options.inputs.clone(),

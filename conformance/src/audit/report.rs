@@ -89,6 +89,8 @@ pub struct GraphSummary {
     pub opset: i64,
     /// The program that wrote it.
     pub producer: String,
+    /// Names of its inputs.
+    pub inputs: Vec<String>,
 }
 
 /// The first node outside rounding, with all that helps to find the cause.

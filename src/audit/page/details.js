@@ -73,7 +73,7 @@ function details(page) {
     return [
       element("h4", {}, `${found.name}  ${found.element} [${found.shape.join(", ")}]  `, badge(found.verdict)),
       list(rows),
-      histogram(found),
+      found.csu_max === 0 ? "" : histogram(found),
       found.worst ? worst(found.worst) : "",
     ];
   }

@@ -54,13 +54,13 @@ struct Place {
     is_node: bool,
 }
 
-/// Draws the nodes, which stand in topological order; `None` if there are more than [`LARGEST`].
-pub fn draw(nodes: &[NodeReport]) -> Option<Drawing> {
+/// Draws the nodes, which stand in topological order, of a graph with these inputs; `None` if there are more than [`LARGEST`].
+pub fn draw(nodes: &[NodeReport], inputs: &[String]) -> Option<Drawing> {
     if nodes.len() > LARGEST {
         return None;
     }
     let arcs = arcs(nodes);
-    let ranks = ranks(nodes, &arcs);
+    let ranks = ranks(nodes, inputs, &arcs);
     let (mut places, ways) = places(&ranks, &arcs);
     let mut layers = layers(&places);
     order(&mut layers, &places);
@@ -108,7 +108,7 @@ fn arcs(nodes: &[NodeReport]) -> Vec<(usize, usize)> {
 }
 
 /// The longest path from the graph's inputs; what hangs on constants alone stands right above its first reader.
-fn ranks(nodes: &[NodeReport], arcs: &[(usize, usize)]) -> Vec<usize> {
+fn ranks(nodes: &[NodeReport], inputs: &[String], arcs: &[(usize, usize)]) -> Vec<usize> {
     let count = nodes.len();
     let mut makers = vec![Vec::new(); count];
     let mut readers = vec![Vec::new(); count];
@@ -118,9 +118,8 @@ fn ranks(nodes: &[NodeReport], arcs: &[(usize, usize)]) -> Vec<usize> {
     }
     let mut is_constant = vec![false; count];
     for node in 0..count {
-        let named = nodes[node].inputs.iter().filter(|name| !name.is_empty()).count();
-        let made = makers[node].len();
-        is_constant[node] = made >= named && makers[node].iter().all(|&maker| is_constant[maker]);
+        let reads_an_input = nodes[node].inputs.iter().any(|name| inputs.contains(name));
+        is_constant[node] = !reads_an_input && makers[node].iter().all(|&maker| is_constant[maker]);
     }
     let mut ranks = vec![0_usize; count];
     for node in 0..count {
@@ -292,7 +291,7 @@ mod tests {
 
     #[test]
     fn a_chain_is_a_straight_line() {
-        let drawing = draw(&graph(&[&[], &[0], &[1], &[2]])).expect("few nodes");
+        let drawing = draw(&graph(&[&[], &[0], &[1], &[2]]), &["x".into()]).expect("few nodes");
         assert!(drawing.nodes.windows(2).all(|pair| pair[0].0 == pair[1].0 && pair[1].1 - pair[0].1 == RANK));
         assert_eq!(
             drawing.arcs.iter().map(|arc| (arc.0, arc.1)).collect::<Vec<_>>(),
@@ -302,7 +301,7 @@ mod tests {
 
     #[test]
     fn arcs_go_down_and_those_that_skip_a_rank_pass_beside_its_boxes() {
-        let drawing = draw(&graph(&[&[], &[0], &[1], &[0, 2]])).expect("few nodes");
+        let drawing = draw(&graph(&[&[], &[0], &[1], &[0, 2]]), &["x".into()]).expect("few nodes");
         is_free_of_overlaps(&drawing);
         let (_, _, way) = drawing.arcs.iter().find(|arc| (arc.0, arc.1) == (0, 3)).expect("the skip");
         assert_eq!(way.len(), 4, "two ranks are passed");
@@ -317,22 +316,22 @@ mod tests {
             .map(|n| (1..4).filter_map(|k| n.checked_sub(k * k * 3 + n % 5)).collect())
             .collect();
         let reads: Vec<&[usize]> = reads.iter().map(Vec::as_slice).collect();
-        is_free_of_overlaps(&draw(&graph(&reads)).expect("few nodes"));
+        is_free_of_overlaps(&draw(&graph(&reads), &["x".into()]).expect("few nodes"));
     }
 
     #[test]
     fn constants_stand_above_their_first_reader() {
         let mut nodes = graph(&[&[], &[0], &[1], &[0], &[2, 3]]);
         nodes[3].inputs.clear();
-        let drawing = draw(&nodes).expect("few nodes");
+        let drawing = draw(&nodes, &["x".into()]).expect("few nodes");
         assert_eq!(drawing.nodes[3].2, drawing.nodes[4].2 - 1);
     }
 
     #[test]
     fn nothing_is_drawn_of_no_nodes_or_too_many() {
-        assert_eq!(draw(&[]).expect("no nodes").nodes, []);
+        assert_eq!(draw(&[], &[]).expect("no nodes").nodes, []);
         let many: Vec<NodeReport> = (0..=LARGEST).map(|number| node(number, "Add")).collect();
-        assert_eq!(draw(&many), None);
+        assert_eq!(draw(&many, &[]), None);
     }
 
     #[test]

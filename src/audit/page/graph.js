@@ -26,7 +26,7 @@ function graph(page) {
     shape("rect", { width: wide, height: tall }),
     shape("text", { x: 9, y: 17 }, ending(node.op, 19)),
     shape("text", { x: wide - 8, y: 17, class: "grade" }, node.verdict === "not-comparable" ? "?" : node.verdict),
-    shape("text", { x: 9, y: 32, class: "small" }, ending(node.name, 27)),
+    shape("text", { x: 9, y: 32, class: "small" }, ending(node.name, 25)),
     shape("title", {}, node.name));
     world.append(box);
     return box;

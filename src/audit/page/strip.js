@@ -15,7 +15,7 @@ function strip(page) {
   });
   const marks = nodes.map((node, at) => {
     const tensor = worstTensor(node);
-    const share = !tensor ? 1 : tensor.csu_max === null ? Infinity : tensor.csu_max / Math.max(tensor.n_eff ?? Infinity, 1);
+    const share = !tensor ? 1 : node.verdict === "G0" ? 0 : tensor.csu_max === null ? Infinity : tensor.csu_max / Math.max(tensor.n_eff ?? Infinity, 1);
     const top = y(Math.max(share, 1e-12));
     const mark = shape("rect", { x: at * step, y: Math.min(top, base - 2), width: Math.max(step * 0.82, 0.6), height: Math.max(base - top, 2),
       fill: `var(--${{ "not-comparable": "nc" }[node.verdict] ?? node.verdict.toLowerCase()})`, opacity: tensor ? 1 : 0.35 },
