@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 
-use super::values::Values;
+use super::values::{Pattern, Values};
 use super::{Operand, Problem};
 use crate::array::Array;
-use crate::onnx::builder::float;
+use crate::onnx::builder::{float, int, text};
 
 /// a ∘ b for Add, Sub, Mul, Div, Max or Min, where b has some sides of one or lacks leading axes.
 pub fn binary(operator: &'static str) -> impl Strategy<Value = Problem> {
@@ -57,12 +57,83 @@ pub fn pow() -> impl Strategy<Value = Problem> {
     )
 }
 
+/// xʸ of positive x with an exponent for each element, each column or all of them.
+pub fn powers() -> impl Strategy<Value = Problem> {
+    (1..=5_usize, 1..=40_usize, any::<[u64; 2]>(), 0..3_usize).prop_map(|(rows, columns, seeds, kind)| {
+        let [x, exponent] = seeds.map(|seed| Values { pattern: Pattern::Decades, decade: 0, seed });
+        let shapes: [&[usize]; 3] = [&[rows, columns], &[columns], &[rows, 1]];
+        Problem {
+            operator: "Pow",
+            attributes: vec![],
+            operands: vec![
+                Operand::Input(x.fill(&[rows, columns]).map(f32::abs)),
+                Operand::Input(exponent.fill(shapes[kind]).map(|y| y.clamp(-4.0, 4.0))),
+            ],
+        }
+    })
+}
+
+/// The remainder with the dividend's sign; no divisor is zero.
+pub fn modulo() -> impl Strategy<Value = Problem> {
+    (1..=70_usize, any::<[Values; 2]>()).prop_map(|(count, [a, b])| Problem {
+        operator: "Mod",
+        attributes: vec![int("fmod", 1)],
+        operands: vec![
+            Operand::Input(a.fill(&[count])),
+            Operand::Input(b.fill(&[count]).map(|b| if b == 0.0 { 1.0 } else { b })),
+        ],
+    })
+}
+
+/// Activations that take attributes or none, on numbers whose exponentials do not underflow.
+pub fn activation(operator: &'static str) -> impl Strategy<Value = Problem> {
+    let settings = prop::sample::select(vec![[1.0_f32, 0.5], [0.2, 0.0], [1.7, 1.05]]);
+    (1..=3_usize, 1..=70_usize, any::<Values>(), settings, any::<bool>()).prop_map(
+        move |(rows, columns, x, [alpha, beta], approximate)| Problem {
+            operator,
+            attributes: match operator {
+                "Celu" | "Elu" | "ThresholdedRelu" => vec![float("alpha", alpha)],
+                "Gelu" => vec![text("approximate", if approximate { "tanh" } else { "none" })],
+                "HardSigmoid" => vec![float("alpha", alpha), float("beta", beta)],
+                "Selu" => vec![float("alpha", alpha), float("gamma", 1.0 + beta)],
+                "Shrink" => vec![float("lambd", alpha), float("bias", beta)],
+                _ => vec![],
+            },
+            operands: vec![Operand::Input(x.fill(&[rows, columns]).map(|x| x.clamp(-30.0, 30.0)))],
+        },
+    )
+}
+
+/// Gelu as in transformers, on ordinary numbers.
+pub fn ordinary_gelu() -> impl Strategy<Value = Problem> {
+    any::<u64>().prop_map(|seed| Problem {
+        operator: "Gelu",
+        attributes: vec![text("approximate", "none")],
+        operands: vec![Operand::Input(Values::ordinary(seed).fill(&[8, 32]))],
+    })
+}
+
+/// A slope for each channel, or one for all, below zero.
+pub fn prelu() -> impl Strategy<Value = Problem> {
+    (1..=6_usize, 1..=12_usize, any::<[Values; 2]>(), any::<bool>()).prop_map(
+        |(channels, pixels, [x, slope], shared)| Problem {
+            operator: "PRelu",
+            attributes: vec![],
+            operands: vec![
+                Operand::Input(x.fill(&[2, channels, pixels])),
+                Operand::Weight(slope.fill(&[if shared { 1 } else { channels }, 1])),
+            ],
+        },
+    )
+}
+
 /// f(x) for the functions of angles and cosines, exponentials and logarithms: angles of a few turns, cosines in −1…1.
 pub fn transcendental(operator: &'static str) -> impl Strategy<Value = Problem> {
     (1..=70_usize, any::<u64>()).prop_map(move |(count, seed)| {
         let x = Values::ordinary(seed).fill(&[count]);
         let x = match operator {
-            "Acos" => x,
+            "Acos" | "Asin" | "Atanh" => x,
+            "Acosh" => x.map(|x| 1.0 + 10.0 * x.abs()),
             "Log" => x.map(|x| 10.0 * x.abs() + 1e-3),
             _ => x.map(|x| 8.0 * x),
         };

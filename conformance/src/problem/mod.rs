@@ -8,8 +8,9 @@
 //! |---|---|
 //! | [`convolution`] | Conv in 1-D, 2-D and 3-D, ConvTranspose in 2-D and 3-D |
 //! | [`grid_sample`] | GridSample in 2-D and 3-D |
-//! | [`normalization`] | BatchNormalization, GroupNormalization, InstanceNormalization |
-//! | [`pooling`] | MaxPool in 2-D and 3-D, AveragePool, GlobalAveragePool, ReduceMean, ReduceSum, ReduceL2 |
+//! | [`normalization`] | BatchNormalization, GroupNormalization, InstanceNormalization, LayerNormalization, LpNormalization |
+//! | [`axis`] | Softmax, LogSoftmax, Hardmax, ArgMax, ArgMin, CumSum |
+//! | [`pooling`] | MaxPool in 2-D and 3-D, AveragePool, GlobalAveragePool, the reductions |
 //! | [`elementwise`] | arithmetic, activations, powers and transcendental functions |
 //! | [`choice`] | comparisons, Where, ScatterND, ScatterElements |
 //! | [`matrix_product`] | Gemm, MatMul, Einsum |
@@ -29,6 +30,7 @@ use crate::onnx::element::ElementType;
 use crate::onnx::message::{AttributeProto, NodeProto};
 use crate::onnx::walk::{self, Data, Value};
 
+pub mod axis;
 pub mod choice;
 pub mod convolution;
 pub mod elementwise;
@@ -239,11 +241,29 @@ pub fn expected(operator: &str, answer: &Tensor<Rounded>) -> Expected {
 }
 
 /// Operators that give integers or truths.
-const UNREAL: [&str; 8] =
-    ["Equal", "Greater", "GreaterOrEqual", "IsNaN", "Less", "LessOrEqual", "Range", "Shape"];
+const UNREAL: [&str; 10] = [
+    "ArgMax",
+    "ArgMin",
+    "Equal",
+    "Greater",
+    "GreaterOrEqual",
+    "IsNaN",
+    "Less",
+    "LessOrEqual",
+    "Range",
+    "Shape",
+];
 
-/// Operators that compute one number, such as a deviation, and apply it to many elements, which share its rounding.
-const SHARING: [&str; 3] = ["BatchNormalization", "GroupNormalization", "InstanceNormalization"];
+/// Operators that compute one number, such as a deviation or a sum, and apply it to many elements, which share its rounding.
+const SHARING: [&str; 7] = [
+    "BatchNormalization",
+    "GroupNormalization",
+    "InstanceNormalization",
+    "LayerNormalization",
+    "LogSoftmax",
+    "LpNormalization",
+    "Softmax",
+];
 
 /// f32 numbers as exact inputs of a rounding analysis.
 pub(crate) fn exact(shape: &[usize], values: &[f32]) -> Tensor<Rounded> {

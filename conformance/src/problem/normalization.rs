@@ -1,4 +1,4 @@
-//! BatchNormalization at inference, GroupNormalization and InstanceNormalization.
+//! BatchNormalization at inference, GroupNormalization, InstanceNormalization, LayerNormalization and LpNormalization.
 
 use proptest::prelude::*;
 
@@ -70,6 +70,51 @@ pub fn instance_norm() -> impl Strategy<Value = Problem> {
             ],
         },
     )
+}
+
+/// x [N,…] over its last axes, with or without a bias.
+pub fn layer_norm() -> impl Strategy<Value = Problem> {
+    let sides = prop::collection::vec(1..=12_usize, 2..=4);
+    (sides, any::<prop::sample::Index>(), any::<[Values; 3]>(), any::<bool>(), epsilon()).prop_map(
+        |(sides, axis, [x, scale, bias], biased, epsilon)| {
+            let axis = axis.index(sides.len());
+            let mut operands =
+                vec![Operand::Input(x.fill(&sides)), Operand::Weight(scale.fill(&sides[axis..]))];
+            operands.extend(biased.then(|| Operand::Weight(bias.fill(&sides[axis..]))));
+            Problem {
+                operator: "LayerNormalization",
+                attributes: vec![int("axis", axis as i64), float("epsilon", epsilon)],
+                operands,
+            }
+        },
+    )
+}
+
+/// x divided by the length of its lines, none of which is zero.
+pub fn lp_norm() -> impl Strategy<Value = Problem> {
+    ([1..=6_usize, 1..=20, 1..=6], 0..3_i64, 1..=2_i64, any::<Values>()).prop_map(|(sides, axis, p, x)| {
+        Problem {
+            operator: "LpNormalization",
+            attributes: vec![int("axis", axis), int("p", p)],
+            operands: vec![Operand::Input(x.fill(&sides).map(|x| if x == 0.0 { 1e-3 } else { x }))],
+        }
+    })
+}
+
+/// Layer normalisation as in transformers, on ordinary numbers (variance ⅓) with ε = 10⁻⁵.
+pub fn ordinary_layer_norm() -> impl Strategy<Value = Problem> {
+    any::<[u64; 3]>().prop_map(|seeds| {
+        let [x, scale, bias] = seeds.map(Values::ordinary);
+        Problem {
+            operator: "LayerNormalization",
+            attributes: vec![int("axis", -1), float("epsilon", 1e-5)],
+            operands: vec![
+                Operand::Input(x.fill(&[4, 6, 32])),
+                Operand::Weight(scale.fill(&[32])),
+                Operand::Weight(bias.fill(&[32])),
+            ],
+        }
+    })
 }
 
 /// Group normalisation as in the networks, on ordinary numbers (variance ⅓) with ε = 10⁻⁵.

@@ -53,7 +53,7 @@ pub fn global_average_pool() -> impl Strategy<Value = Problem> {
     })
 }
 
-/// The mean, sum or length over one or two axes, as over the views of a capture.
+/// A reduction over one or two axes, as over the views of a capture.
 pub fn reduce(operator: &'static str) -> impl Strategy<Value = Problem> {
     let sides = prop::collection::vec(1..=12_usize, 2..=4);
     (sides, any::<[prop::sample::Index; 2]>(), any::<bool>(), any::<Values>()).prop_map(
@@ -65,7 +65,13 @@ pub fn reduce(operator: &'static str) -> impl Strategy<Value = Problem> {
                 operator,
                 attributes: vec![int("keepdims", keepdims.into())],
                 operands: vec![
-                    Operand::Input(x.fill(&sides)),
+                    Operand::Input(match operator {
+                        // No logarithm of a negative sum, no power that underflows, no product that overflows.
+                        "ReduceLogSum" => x.fill(&sides).map(|x| x.abs() + 1e-3),
+                        "ReduceLogSumExp" => x.fill(&sides).map(|x| x.clamp(-30.0, 30.0)),
+                        "ReduceProd" => x.fill(&sides).map(|x| (0.8 + 0.4 * x.abs().min(1.0)).copysign(x)),
+                        _ => x.fill(&sides),
+                    }),
                     Operand::Integers(Tensor::new(&[axes.len()], axes)),
                 ],
             }

@@ -17,7 +17,7 @@ use crate::certificate::Slope;
 use crate::compare::compare;
 use crate::engine::Optimization;
 use crate::onnx::builder::{float, int, text};
-use crate::problem::{Problem, convolution, grid_sample, normalization};
+use crate::problem::{Problem, axis, convolution, elementwise, grid_sample, normalization};
 
 /// A fault to plant.
 #[derive(Clone, Copy)]
@@ -85,6 +85,21 @@ pub const FAULTS: &[Fault] = &[
         name: "BatchNormalization with ε 1e-3 for 1e-5",
         problems: || normalization::ordinary_batch_norm().boxed(),
         plant: |problem| problem.with_attribute(float("epsilon", 1e-3)),
+    },
+    Fault {
+        name: "LayerNormalization with ε 1e-3 for 1e-5",
+        problems: || normalization::ordinary_layer_norm().boxed(),
+        plant: |problem| problem.with_attribute(float("epsilon", 1e-3)),
+    },
+    Fault {
+        name: "Gelu by tanh for erf",
+        problems: || elementwise::ordinary_gelu().boxed(),
+        plant: |problem| problem.with_attribute(text("approximate", "tanh")),
+    },
+    Fault {
+        name: "Softmax over the wrong axis",
+        problems: || axis::ordinary_softmax().boxed(),
+        plant: |problem| problem.with_attribute(int("axis", 1)),
     },
     Fault {
         name: "GridSample 2-D with align_corners flipped",

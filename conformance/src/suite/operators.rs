@@ -10,7 +10,7 @@ use crate::compare::{Comparison, compare};
 use crate::engine::OPTIMIZATIONS;
 use crate::problem::Problem;
 use crate::problem::{
-    choice, convolution, elementwise, grid_sample, matrix_product, movement, normalization, pooling,
+    axis, choice, convolution, elementwise, grid_sample, matrix_product, movement, normalization, pooling,
 };
 
 /// How many random problems, and which.
@@ -365,5 +365,189 @@ pub const JUDGES: &[Judge] = &[
         name: "ScatterElements",
         operator: "ScatterElements",
         run: |name, draw| judge(name, &choice::scatter_elements(), draw),
+    },
+    Judge {
+        name: "Celu",
+        operator: "Celu",
+        run: |name, draw| judge(name, &elementwise::activation("Celu"), draw),
+    },
+    Judge {
+        name: "Ceil",
+        operator: "Ceil",
+        run: |name, draw| judge(name, &elementwise::activation("Ceil"), draw),
+    },
+    Judge {
+        name: "Elu",
+        operator: "Elu",
+        run: |name, draw| judge(name, &elementwise::activation("Elu"), draw),
+    },
+    Judge {
+        name: "Erf",
+        operator: "Erf",
+        run: |name, draw| judge(name, &elementwise::activation("Erf"), draw),
+    },
+    Judge {
+        name: "Floor",
+        operator: "Floor",
+        run: |name, draw| judge(name, &elementwise::activation("Floor"), draw),
+    },
+    Judge {
+        name: "Gelu",
+        operator: "Gelu",
+        run: |name, draw| judge(name, &elementwise::activation("Gelu"), draw),
+    },
+    Judge {
+        name: "HardSigmoid",
+        operator: "HardSigmoid",
+        run: |name, draw| judge(name, &elementwise::activation("HardSigmoid"), draw),
+    },
+    Judge {
+        name: "HardSwish",
+        operator: "HardSwish",
+        run: |name, draw| judge(name, &elementwise::activation("HardSwish"), draw),
+    },
+    Judge {
+        name: "Mish",
+        operator: "Mish",
+        run: |name, draw| judge(name, &elementwise::activation("Mish"), draw),
+    },
+    Judge {
+        name: "Round",
+        operator: "Round",
+        run: |name, draw| judge(name, &elementwise::activation("Round"), draw),
+    },
+    Judge {
+        name: "Selu",
+        operator: "Selu",
+        run: |name, draw| judge(name, &elementwise::activation("Selu"), draw),
+    },
+    Judge {
+        name: "Shrink",
+        operator: "Shrink",
+        run: |name, draw| judge(name, &elementwise::activation("Shrink"), draw),
+    },
+    Judge {
+        name: "Sign",
+        operator: "Sign",
+        run: |name, draw| judge(name, &elementwise::activation("Sign"), draw),
+    },
+    Judge {
+        name: "Softsign",
+        operator: "Softsign",
+        run: |name, draw| judge(name, &elementwise::activation("Softsign"), draw),
+    },
+    Judge {
+        name: "ThresholdedRelu",
+        operator: "ThresholdedRelu",
+        run: |name, draw| judge(name, &elementwise::activation("ThresholdedRelu"), draw),
+    },
+    Judge { name: "PRelu", operator: "PRelu", run: |name, draw| judge(name, &elementwise::prelu(), draw) },
+    Judge {
+        name: "Pow with exponents",
+        operator: "Pow",
+        run: |name, draw| judge(name, &elementwise::powers(), draw),
+    },
+    Judge { name: "Mod", operator: "Mod", run: |name, draw| judge(name, &elementwise::modulo(), draw) },
+    Judge {
+        name: "Tan",
+        operator: "Tan",
+        run: |name, draw| judge(name, &elementwise::transcendental("Tan"), draw),
+    },
+    Judge {
+        name: "Asin",
+        operator: "Asin",
+        run: |name, draw| judge(name, &elementwise::transcendental("Asin"), draw),
+    },
+    Judge {
+        name: "Sinh",
+        operator: "Sinh",
+        run: |name, draw| judge(name, &elementwise::transcendental("Sinh"), draw),
+    },
+    Judge {
+        name: "Cosh",
+        operator: "Cosh",
+        run: |name, draw| judge(name, &elementwise::transcendental("Cosh"), draw),
+    },
+    Judge {
+        name: "Asinh",
+        operator: "Asinh",
+        run: |name, draw| judge(name, &elementwise::transcendental("Asinh"), draw),
+    },
+    Judge {
+        name: "Acosh",
+        operator: "Acosh",
+        run: |name, draw| judge(name, &elementwise::transcendental("Acosh"), draw),
+    },
+    Judge {
+        name: "Atanh",
+        operator: "Atanh",
+        run: |name, draw| judge(name, &elementwise::transcendental("Atanh"), draw),
+    },
+    Judge {
+        name: "Softmax",
+        operator: "Softmax",
+        run: |name, draw| judge(name, &axis::softmax("Softmax"), draw),
+    },
+    Judge {
+        name: "LogSoftmax",
+        operator: "LogSoftmax",
+        run: |name, draw| judge(name, &axis::softmax("LogSoftmax"), draw),
+    },
+    Judge {
+        name: "Hardmax",
+        operator: "Hardmax",
+        run: |name, draw| judge(name, &axis::softmax("Hardmax"), draw),
+    },
+    Judge { name: "ArgMax", operator: "ArgMax", run: |name, draw| judge(name, &axis::place("ArgMax"), draw) },
+    Judge { name: "ArgMin", operator: "ArgMin", run: |name, draw| judge(name, &axis::place("ArgMin"), draw) },
+    Judge {
+        name: "CumSum",
+        operator: "CumSum",
+        run: |name, draw| judge(name, &axis::cumulative_sum(), draw),
+    },
+    Judge {
+        name: "ReduceMax",
+        operator: "ReduceMax",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceMax"), draw),
+    },
+    Judge {
+        name: "ReduceMin",
+        operator: "ReduceMin",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceMin"), draw),
+    },
+    Judge {
+        name: "ReduceProd",
+        operator: "ReduceProd",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceProd"), draw),
+    },
+    Judge {
+        name: "ReduceL1",
+        operator: "ReduceL1",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceL1"), draw),
+    },
+    Judge {
+        name: "ReduceSumSquare",
+        operator: "ReduceSumSquare",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceSumSquare"), draw),
+    },
+    Judge {
+        name: "ReduceLogSum",
+        operator: "ReduceLogSum",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceLogSum"), draw),
+    },
+    Judge {
+        name: "ReduceLogSumExp",
+        operator: "ReduceLogSumExp",
+        run: |name, draw| judge(name, &pooling::reduce("ReduceLogSumExp"), draw),
+    },
+    Judge {
+        name: "LayerNormalization",
+        operator: "LayerNormalization",
+        run: |name, draw| judge(name, &normalization::layer_norm(), draw),
+    },
+    Judge {
+        name: "LpNormalization",
+        operator: "LpNormalization",
+        run: |name, draw| judge(name, &normalization::lp_norm(), draw),
     },
 ];
