@@ -51,6 +51,7 @@ pub mod linear_attention;
 pub mod local_response;
 pub mod matrix_product;
 pub mod max_unpool;
+pub mod mel;
 pub mod movement;
 pub mod non_max_suppression;
 pub mod normalization;
@@ -100,6 +101,7 @@ pub use linear_attention::{LinearAttention, linear_attention};
 pub use local_response::{LocalResponse, local_response_norm};
 pub use matrix_product::{gemm, linear, matmul};
 pub use max_unpool::max_unpool;
+pub use mel::mel_weight_matrix;
 pub use movement::{concat, expand, reverse_sequence, slice, tile, transpose};
 pub use non_max_suppression::{NonMaxSuppression, non_max_suppression};
 pub use normalization::{

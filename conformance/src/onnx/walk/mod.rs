@@ -14,7 +14,7 @@
 //! | `normalizations` | normalise |
 //! | `products` | multiply matrices and tensors |
 //! | `attention` | attend to tokens |
-//! | `recurrent` | are recurrent layers |
+//! | `recurrent`, `causal_convolution` | are layers with a state |
 //! | `losses` | measure how likely classes are |
 //! | `signals` | transform signals |
 //! | `bits` | work on the bits of integers |
@@ -47,6 +47,7 @@ mod attention;
 mod bits;
 mod boxes;
 mod cast;
+mod causal_convolution;
 mod choice;
 mod convolution;
 mod creation;
@@ -219,6 +220,7 @@ pub fn evaluate<T: Scalar>(
         products::evaluate,
         attention::evaluate,
         recurrent::evaluate,
+        causal_convolution::evaluate,
         losses::evaluate,
         signals::evaluate,
         choice::evaluate,

@@ -1,8 +1,8 @@
 //! Fourier transforms and windows.
 
-use vitruvian_reference::nn::{Fourier, Scalar, Tensor, Window, dft, stft};
+use vitruvian_reference::nn::{Fourier, Scalar, Tensor, Window, dft, mel_weight_matrix, stft};
 
-use super::{Answer, Call, Value, axis, room};
+use super::{Answer, Attributes, Call, Value, axis, room};
 use crate::onnx::element::ElementType;
 
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
@@ -11,6 +11,7 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
         "DFT" => transformed(call).and_then(|y| call.like(y)),
         "HammingWindow" => window(call, Window::Hamming),
         "HannWindow" => window(call, Window::Hann),
+        "MelWeightMatrix" => mel_weights(call),
         "STFT" => transformed_in_pieces(call).and_then(|y| call.like(y)),
         _ => return None,
     };
@@ -30,13 +31,29 @@ fn length(i: usize, value: i64) -> Result<usize, String> {
     usize::try_from(value).map_err(|_| format!("operand {i} is {value}, a length was expected"))
 }
 
-fn window<T: Scalar>(call: &Call<T>, window: Window) -> Result<Value<T>, String> {
-    let attributes = call.attributes(&["output_datatype", "periodic"])?;
+fn output_type(attributes: Attributes) -> Result<ElementType, String> {
     let number = attributes.int("output_datatype", 1);
     let element = i32::try_from(number).ok().and_then(ElementType::from_number);
-    let element = element
+    element
         .filter(|element| element.is_float())
-        .ok_or_else(|| format!("attribute \"output_datatype\" is {number}, a float type was expected"))?;
+        .ok_or_else(|| format!("attribute \"output_datatype\" is {number}, a float type was expected"))
+}
+
+fn mel_weights<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
+    let element = output_type(call.attributes(&["output_datatype"])?)?;
+    let count = |i: usize| length(i, one(call, i)?.ok_or_else(|| format!("operand {i} is missing"))?);
+    let (filters, dft_length, rate) = (count(0)?, count(1)?, count(2)?);
+    let edge = |i: usize| match call.numbers(i)?.data[..] {
+        [hz] => Ok(hz.value()),
+        _ => Err(format!("operand {i} has shape {:?}, one number was expected", call.numbers(i)?.shape)),
+    };
+    room(&[dft_length / 2 + 1, filters])?;
+    Ok(Value::from_numbers(element, mel_weight_matrix(filters, dft_length, rate as f64, edge(3)?, edge(4)?)))
+}
+
+fn window<T: Scalar>(call: &Call<T>, window: Window) -> Result<Value<T>, String> {
+    let attributes = call.attributes(&["output_datatype", "periodic"])?;
+    let element = output_type(attributes)?;
     let size = length(0, one(call, 0)?.ok_or("operand 0 is missing")?)?;
     room(&[size])?;
     Ok(Value::from_numbers(element, window.of(size, attributes.flag("periodic", true)?)))
