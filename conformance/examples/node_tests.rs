@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use vitruvian_conformance::node_tests::engine::{Engine, OnnxRuntime};
-use vitruvian_conformance::node_tests::table;
+use vitruvian_conformance::node_tests::{audits::audits, table};
 
 /// The official ONNX backend tests on the reference and on the engines.
 #[derive(Parser)]
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         bar.set_position(done as u64);
     })?;
     bar.finish_and_clear();
-    let text = table::markdown(&version, &names, &rows);
+    let text = table::markdown(&version, &names, &rows, &audits(&arguments.folder)?);
     match arguments.output {
         Some(path) => std::fs::write(&path, text).map_err(|why| format!("{}: {why}", path.display()))?,
         None => print!("{text}"),

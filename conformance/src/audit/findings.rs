@@ -135,13 +135,7 @@ impl Findings {
         }
     }
 
-    fn suspect(
-        &mut self,
-        report: &NodeReport,
-        case: Option<Case>,
-        worst: Vec<WorstElement>,
-        held: &Tensors,
-    ) {
+    fn suspect(&mut self, report: &NodeReport, case: Option<Case>, worst: Vec<WorstElement>, held: &Tensors) {
         let grade = report.verdict;
         let earlier = self.suspect.as_ref().map(|suspect| suspect.grade);
         if (grade == Grade::G3 && earlier != Some(Grade::G3)) || (grade == Grade::G2 && earlier.is_none()) {

@@ -14,9 +14,11 @@
 //! | [`case`] | a case as read from its folder |
 //! | [`expected`] | what the reference says of a case, and how far a party is from it |
 //! | [`engine`] | the parties that compute: ONNX Runtime, tract |
+//! | [`audits`] | the audit on every case |
 //! | [`witness`] | expectations that were computed in another way than their operator is defined |
 //! | [`table`] | all cases on all parties, as a Markdown file |
 
+pub mod audits;
 pub mod case;
 pub mod engine;
 pub mod expected;

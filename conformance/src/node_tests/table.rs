@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::audits::Audited;
 use super::case::{self, Case};
 use super::engine::Engine;
 use super::expected::{Distance, Expected, numbers, passes_officially};
 use super::witness;
+use crate::audit::report::Grade;
 use crate::error::Result;
 
 /// What was found about one case.
@@ -149,7 +151,7 @@ impl Tally {
 }
 
 /// The file: a summary, a line for each operator, and by name all that does not simply pass.
-pub fn markdown(version: &str, engines: &[&str], rows: &[Row]) -> String {
+pub fn markdown(version: &str, engines: &[&str], rows: &[Row], audits: &[Audited]) -> String {
     let mut text = String::new();
     let mut write = |line: String| {
         text.push_str(&line);
@@ -168,7 +170,20 @@ pub fn markdown(version: &str, engines: &[&str], rows: &[Row]) -> String {
     witnesses(rows, &mut write);
     near_zero(rows, &mut write);
     disagreements(engines, rows, &mut write);
-    unsupported(rows, &mut write);
+    audited(audits, &mut write);
+    write("\n## Cases that the reference does not compute\n".into());
+    grouped(
+        rows.iter().filter_map(|row| Some((&row.name[..], &row.reference.as_ref().err()?[..]))),
+        &mut write,
+    );
+    for (k, engine) in engines.iter().enumerate() {
+        write(format!("\n## Other cases that {engine} does not run\n"));
+        let others = rows.iter().filter(|row| row.reference.is_ok());
+        grouped(
+            others.filter_map(|row| Some((&row.name[..], &row.engines[k].as_ref().err()?[..]))),
+            &mut write,
+        );
+    }
     text
 }
 
@@ -330,17 +345,34 @@ fn disagreements(engines: &[&str], rows: &[Row], write: &mut impl FnMut(String))
     }
 }
 
-fn unsupported(rows: &[Row], write: &mut impl FnMut(String)) {
-    write("\n## Cases that the reference does not compute\n".into());
-    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for row in rows {
-        if let Err(why) = &row.reference {
-            reasons.entry(why).or_default().push(&row.name);
-        }
+/// What the audit, which judges each node from the engine's own operands, says of each case.
+fn audited(audits: &[Audited], write: &mut impl FnMut(String)) {
+    write("\n## Audits of ONNX Runtime on these cases\n".into());
+    write("| verdict | cases |\n|---|---|".into());
+    let mut verdicts: Vec<Grade> = audits.iter().map(|audit| audit.verdict).collect();
+    verdicts.sort_unstable();
+    for same in verdicts.chunk_by(|a, b| a == b) {
+        write(format!("| {} | {} |", same[0], same.len()));
+    }
+    write("\n| outside rounding | verdict | first at |\n|---|---|---|".into());
+    for audit in audits.iter().filter(|audit| matches!(audit.verdict, Grade::G2 | Grade::G3)) {
+        let at = audit.first_outside.as_deref().unwrap_or_default();
+        write(format!("| {} | {} | {at} |", audit.name, audit.verdict));
+    }
+}
+
+/// Cases by the reason why they were not computed.
+fn grouped<'a>(refused: impl Iterator<Item = (&'a str, &'a str)>, write: &mut impl FnMut(String)) {
+    let mut reasons: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for (case, why) in refused {
+        // The case is named anyway, and which of its files it was does not matter.
+        let why = why.strip_prefix(&format!("{case}: ")).unwrap_or(why);
+        let why = why.split_once(".pb: ").map_or(why, |(_, why)| why).replace('|', "\\|");
+        reasons.entry(why).or_default().push(case);
     }
     write("| why | number | cases |\n|---|---|---|".into());
     for (why, cases) in reasons {
-        write(format!("| {} | {} | {} |", why.replace('|', "\\|"), cases.len(), cases.join(", ")));
+        write(format!("| {why} | {} | {} |", cases.len(), cases.join(", ")));
     }
 }
 
@@ -404,7 +436,7 @@ mod tests {
         for wrong in [&[2.0, 0.200_01][..], &[2.0, f32::NAN], &[2.0]] {
             let row = one(&root, wrong);
             assert!(row.engines[0].as_ref().expect("run").is_outside(), "{wrong:?} for 2x");
-            let text = markdown("a test", &["parrot"], &[row]);
+            let text = markdown("a test", &["parrot"], &[row], &[]);
             let lines = text.lines().skip_while(|line| !line.contains("engines disagree"));
             assert!(
                 lines.take_while(|line| !line.contains("does not compute")).any(|l| l.contains("test_it"))
@@ -419,10 +451,10 @@ mod tests {
         let row = one(&case("Add", &[2.0, 0.3]), &[2.0, 0.2]);
         assert!(row.reference.as_ref().expect("computed").is_outside(), "0.3 for 0.2");
         assert!(!row.engines[0].as_ref().expect("run").is_outside(), "the engine is right");
-        let text = markdown("a test", &["parrot"], &[row]);
+        let text = markdown("a test", &["parrot"], &[row], &[]);
         assert!(text.contains("| test_it |") && text.contains("not explained"), "{text}");
         let foreign = one(&case("Frobnicate", &[2.0, 0.2]), &[2.0, 0.2]);
         assert!(foreign.reference.as_ref().expect_err("refused").contains("Frobnicate"), "by name");
-        assert!(markdown("a test", &["parrot"], &[foreign]).contains("| Frobnicate: "), "listed");
+        assert!(markdown("a test", &["parrot"], &[foreign], &[]).contains("| Frobnicate: "), "listed");
     }
 }
