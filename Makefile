@@ -60,7 +60,7 @@ thesis: python
 	$(PYTHON) models/export.py --size thesis --filling random -o models/exported/thesis/random
 	$(PYTHON) models/export.py --size thesis --filling widened -o models/exported/thesis/widened
 
-# Everything from seeds to graphs: data, training (about two hours on two cores), export. BODY adds a second body.
+# Everything from seeds to graphs: data, training (about four hours on two cores), export. BODY adds a second body.
 models: python onnxruntime
 	$(CARGO) build --release
 	models/train.sh $(BODY)

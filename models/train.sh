@@ -46,9 +46,9 @@ regressor() { # CHECKPOINT [options]
   "$python" models/train_regressor.py --data "$data/regressor/body" "$data/regressor/mannequin" \
     --validation "$data/regressor/validation" -o "$runs/$checkpoint.pt" --batch 8 --direct 5 --dropout 0 "$@"
 }
-regressor regressor_start --supervised --steps 20000 --rate 1e-3 --last-rate 1e-4 --warm-up 200 --first-replaced 0.9
+regressor regressor_start --supervised --steps 40000 --rate 1e-3 --last-rate 1e-4 --warm-up 200 --first-replaced 0.9
 "$python" models/pose_prior.py "$data/regressor/body" "$data/regressor/mannequin" -o "$runs/pose_prior.npz"
-regressor regressor --start "$runs/regressor_start.pt" --steps 6500 --rate 4e-4 \
+regressor regressor --start "$runs/regressor_start.pt" --steps 3500 --rate 4e-4 --measured "$data/regressor/mannequin" \
   --fit-in-the-loop --pose-prior "$runs/pose_prior.npz" --program "$vitruvian"
 
 "$python" models/export.py --size small --filling trained --checkpoints "$runs" -o models/exported
