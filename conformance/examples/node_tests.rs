@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use vitruvian_conformance::node_tests::engine::{Engine, OnnxRuntime};
-use vitruvian_conformance::node_tests::{audits::audits, table};
+use vitruvian_conformance::node_tests::{audits::audits, row, table};
 
 /// The official ONNX backend tests on the reference and on the engines.
 #[derive(Parser)]
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(OnnxRuntime)];
     let names: Vec<&str> = engines.iter().map(|engine| engine.name()).collect();
     let bar = indicatif::ProgressBar::new(0);
-    let rows = table::run(&arguments.folder, &mut engines, |done, all| {
+    let rows = row::run(&arguments.folder, &mut engines, |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     })?;

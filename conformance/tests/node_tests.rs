@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use vitruvian_conformance::audit::report::Grade;
-use vitruvian_conformance::node_tests::{audits::audits, table, witness};
+use vitruvian_conformance::node_tests::{audits::audits, row, witness};
 
 /// The reference computes at least as many cases.
 const COMPUTED: usize = 1690;
@@ -39,8 +39,8 @@ fn the_audit_raises_no_false_alarm_on_any_official_case() {
 #[test]
 fn every_official_case_that_is_computed_is_met() {
     let Some(folder) = written() else { return };
-    let rows = table::run(folder, &mut [], |_, _| ()).expect("readable folders");
-    let judged = |row: &&table::Row| row.reference.is_ok();
+    let rows = row::run(folder, &mut [], |_, _| ()).expect("readable folders");
+    let judged = |row: &&row::Row| row.reference.is_ok();
     assert!(rows.iter().filter(judged).count() >= COMPUTED, "at least {COMPUTED} cases are computed");
     let mut wrong = Vec::new();
     for row in &rows {

@@ -16,11 +16,13 @@
 //! | [`engine`] | the parties that compute: ONNX Runtime, tract |
 //! | [`audits`] | the audit on every case |
 //! | [`witness`] | expectations that were computed in another way than their operator is defined |
+//! | [`row`] | one case on all parties |
 //! | [`table`] | all cases on all parties, as a Markdown file |
 
 pub mod audits;
 pub mod case;
 pub mod engine;
 pub mod expected;
+pub mod row;
 pub mod table;
 pub mod witness;

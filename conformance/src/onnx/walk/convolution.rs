@@ -4,16 +4,13 @@
 //! the end with SAME_UPPER and at the beginning otherwise; the text of older versions has it the other way round.
 
 use vitruvian_reference::nn::{
-    Conv, ConvTranspose, Scalar, Tensor, col2im, concat, conv, conv_transpose, deform_conv, slice, swish,
+    Conv, ConvTranspose, Scalar, Tensor, col2im, conv, conv_transpose, deform_conv,
 };
 
 use super::window::{Window, image};
-use super::{Answer, Call, Value, lengths, room};
+use super::{Answer, Call, lengths, room};
 
 pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
-    if call.operator == "CausalConvWithState" {
-        return Some(causal_convolution(call));
-    }
     let y = match call.operator {
         "Col2Im" => folded(call),
         "Conv" => convolution(call),
@@ -41,38 +38,6 @@ fn kernel_of<T: Copy>(w: &Tensor<T>, image: &[usize]) -> Result<Vec<usize>, Stri
 fn convolution<T: Scalar>(call: &Call<T>) -> Result<Tensor<T>, String> {
     let (x, w) = (call.numbers(0)?, call.numbers(1)?);
     Ok(conv(x, w, call.optional_numbers(2)?, &window_over(call, x, w)?))
-}
-
-/// Each channel [N,C,L] by its own kernel [C,1,k] over the present and the k − 1 steps before, and the last k − 1 steps to go on
-/// from. Before the first step lies the past state, or zeros.
-fn causal_convolution<T: Scalar>(call: &Call<T>) -> Result<Vec<Value<T>>, String> {
-    let activation = call.attributes(&["activation"])?.text("activation", "none")?;
-    let (x, w) = (call.numbers(0)?, call.numbers(1)?);
-    let (&[samples, channels, length], &[filters, 1, kernel]) = (&x.shape[..], &w.shape[..]) else {
-        return Err(format!("x {:?} and weights {:?}, [N,C,L] and [C,1,k] were expected", x.shape, w.shape));
-    };
-    let state = [samples, channels, kernel.saturating_sub(1)];
-    let past = match call.optional_numbers(3)? {
-        Some(past) => past.clone(),
-        None => Tensor::zeros(&state),
-    };
-    if kernel == 0 || filters != channels || past.shape != state {
-        return Err(format!(
-            "x {:?}, weights {:?} and past state {:?} do not fit",
-            x.shape, w.shape, past.shape
-        ));
-    }
-    let steps = concat(&[&past, x], 2);
-    let params = Conv { stride: vec![1], padding: vec![[0, 0]], dilation: vec![1], groups: channels };
-    let y = conv(&steps, w, call.optional_numbers(2)?, &params);
-    let y = match activation {
-        "none" => y,
-        "silu" | "swish" => swish(&y, T::exact(1.0)),
-        other => {
-            return Err(format!("attribute \"activation\" is {other}, none, silu or swish was expected"));
-        }
-    };
-    Ok(vec![call.like(y)?, call.like(slice(&steps, 2, length, length + kernel - 1, 1))?])
 }
 
 /// How weights slide over an image, by the attributes of a convolution.

@@ -92,13 +92,18 @@ fn dequantized<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
         0 => default,
         _ => element(attributes, "output_dtype", default)?,
     };
-    let zero_point = over(&zero_point(call, 2, &scale.shape)?, &q.shape, attributes)?;
-    let scale = over(scale, &q.shape, attributes)?;
-    let back = |((&q, &z), &s): ((&i64, &i64), &T)| T::exact((q - z) as f64) * s;
-    let data = q.data.iter().zip(&zero_point.data).zip(&scale.data).map(back).collect();
     if !to.is_float() {
         return Err(format!("an output of {to}, a float type was expected"));
     }
+    let zero_point = over(&zero_point(call, 2, &scale.shape)?, &q.shape, attributes)?;
+    let scale = over(scale, &q.shape, attributes)?;
+    let back = |((&q, &z), &s): ((&i64, &i64), &T)| {
+        // A wide integer, as a bias has, is rounded on its way into the float type.
+        let steps = (q - z) as f64;
+        let fits = to.round(steps) == steps;
+        (if fits { T::exact(steps) } else { T::within(steps, steps.abs(), 1.0) }) * s
+    };
+    let data = q.data.iter().zip(&zero_point.data).zip(&scale.data).map(back).collect();
     Ok(Value::from_numbers(to, Tensor::new(&q.shape, data)))
 }
 
@@ -207,8 +212,10 @@ fn quantised_convolution<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::evaluate;
+    use vitruvian_reference::nn::Rounded;
+
     use super::super::tests::node;
+    use super::super::{Data, evaluate};
     use super::*;
     use crate::onnx::builder::int;
 
@@ -237,6 +244,20 @@ mod tests {
         assert_eq!(first("DequantizeLinear", 0, &[&q, &scale, &zero]), Ok(x.clone()), "and back");
         let other = first("QuantizeLinear", 0, &[&x, &numbers(&[3], vec![1.0; 3])]);
         assert!(other.expect_err("refused").contains("[3] do not fit shape [2, 2]"), "three scales for two");
+    }
+
+    #[test]
+    fn a_wide_integer_is_rounded_before_it_is_scaled() {
+        let q = integers(ElementType::I32, &[2], vec![(1 << 24) + 1, 1 << 24]);
+        let q = Value::<Rounded> {
+            element: q.element,
+            data: Data::Integers(q.integers().expect("integers").clone()),
+        };
+        let scale = Value::from_numbers(ElementType::F32, Tensor::new(&[], vec![Rounded::exact(0.5)]));
+        let y =
+            evaluate(&node("DequantizeLinear", vec![]), 21, &[Some(&q), Some(&scale)]).expect("an answer");
+        let y = y[0].as_ref().expect("an output").numbers().expect("numbers").terms();
+        assert_eq!(y.data, [2.0, 1.0], "2²⁴ + 1 is no f32");
     }
 
     #[test]
