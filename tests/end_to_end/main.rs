@@ -3,6 +3,7 @@
 //! Needs the graphs of models/exported and ONNX Runtime (`make onnxruntime`).
 
 mod audit;
+mod audit_diff;
 mod bad_input;
 mod command;
 mod demo;
