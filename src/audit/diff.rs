@@ -79,6 +79,9 @@ pub struct Given {
     /// Voxels along each side, where the graph leaves them free
     #[arg(long, value_parser = clap::value_parser!(u64).range(8..=512))]
     voxels: Option<u64>,
+    /// The value at the surface of an output that is a volume, larger inside
+    #[arg(long)]
+    level: Option<f64>,
     /// Which number of the distances counts
     #[arg(long, value_enum, default_value_t = Which::Max)]
     statistic: Which,
@@ -107,6 +110,7 @@ impl Given {
             encoder: self.encoder.clone(),
             lattice: self.lattice.map(|n| n as usize),
             voxels: self.voxels.map(|n| n as usize),
+            level: self.level,
             statistic: match self.statistic {
                 Which::Mean => Statistic::Mean,
                 Which::P99 => Statistic::P99,
@@ -241,8 +245,8 @@ fn of_body(body: &BodyReport) -> Vec<String> {
         "{}, {}: MPJPE {} mm, PA-MPJPE {} mm",
         if body.bodies == 1 { "1 body".to_owned() } else { format!("{} bodies", body.bodies) },
         plain(&body.body),
-        number(body.mpjpe),
-        number(body.pa_mpjpe)
+        optional(body.mpjpe),
+        optional(body.pa_mpjpe)
     )];
     if let (Some(vertices), Some(worst)) = (&body.vertices, &body.worst_vertex) {
         let joint = worst.joint.as_ref().map_or(String::new(), |joint| format!(" at the {joint}"));
@@ -253,11 +257,12 @@ fn of_body(body: &BodyReport) -> Vec<String> {
             worst.body
         ));
     }
-    lines.push(format!(
-        "  joints    {}; worst: {}",
-        of_summary(&body.joints, "mm"),
-        plain(&body.worst_joint.joint)
-    ));
+    if let (Some(joints), Some(worst)) = (&body.joints, &body.worst_joint) {
+        lines.push(format!("  joints    {}; worst: {}", of_summary(joints, "mm"), plain(&worst.joint)));
+    }
+    if body.joints.is_none() {
+        lines.push("  the variant's bodies are not finite".to_owned());
+    }
     if let Some(pixels) = &body.reprojection_px {
         lines.push(format!("  picture   {}", of_summary(pixels, "px")));
     }
@@ -334,7 +339,7 @@ fn cells(cost: &Cost) -> Vec<String> {
         plain(&cost.operators),
         optional(cost.alone),
         format!("{:.1} %", 100.0 * cost.share),
-        number(cost.local),
+        optional(cost.local),
     ]
 }
 
@@ -356,7 +361,7 @@ pub fn costs(attribution: &Attribution) -> String {
         plain(&attribution.method),
         table::aligned(&COSTS, &rows),
         number(attribution.sum),
-        number(attribution.whole),
+        optional(attribution.whole),
         plain(&attribution.unit),
         100.0 * attribution.explained,
     )

@@ -116,7 +116,7 @@ pub fn attribute(
             subject.inputs.len()
         ),
         unit: format!("{} ({})", subject.ruler.unit(), word(subject.statistic)),
-        whole: whole.lengths.map_or(f64::NAN, |lengths| lengths.statistic(subject.statistic)),
+        whole: whole.lengths.map(|lengths| lengths.statistic(subject.statistic)),
         sum,
         explained,
         matched: subject.matching.counts,
@@ -281,7 +281,7 @@ impl Subject<'_> {
             variant_nodes: names(self.variant, &|row| &row.variant_places),
             alone: group.displacement.lengths.map(|lengths| lengths.statistic(self.statistic)),
             share: share(&group.displacement, whole),
-            local: members.iter().map(|row| row.local).fold(0.0, f64::max),
+            local: members.iter().map(|row| row.local).reduce(f64::max).filter(|local| local.is_finite()),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use prost::Message as _;
 use vitruvian_runtime::session::{Optimization, Session, Settings};
 
 use super::runner::{Arrays, Runner};
@@ -57,7 +58,7 @@ impl Flow {
         }
         let made =
             live.iter().filter(|name| maker.contains_key(*name)).map(String::as_str).collect::<Vec<_>>();
-        let floats = float_elements(name, bytes, &made)?;
+        let floats = float_elements(name, model.encode_to_vec(), &made)?;
         let outputs = names(&graph.output);
         Ok(Self { name: name.to_owned(), model, inputs, outputs, maker, floats, live })
     }
@@ -185,8 +186,8 @@ pub fn fault(name: &str, message: String) -> Error {
 }
 
 /// Those of the tensors that are floats, with ONNX's numbers of their element types: what ONNX Runtime infers.
-fn float_elements(name: &str, bytes: &[u8], tensors: &[&str]) -> Result<BTreeMap<String, i32>> {
-    let model = crate::onnx::model::Model::from_bytes(name, bytes.to_vec())?;
+fn float_elements(name: &str, bytes: Vec<u8>, tensors: &[&str]) -> Result<BTreeMap<String, i32>> {
+    let model = crate::onnx::model::Model::from_bytes(name, bytes)?;
     let exposed = crate::onnx::expose::expose(&model, tensors);
     let settings = Settings { optimization: Optimization::Disabled, threads: 1 };
     let session = Session::from_bytes(name, &exposed, &settings)?;

@@ -76,6 +76,8 @@ pub struct Options {
     pub lattice: Option<usize>,
     /// Voxels along each side, where the graph leaves them free.
     pub voxels: Option<usize>,
+    /// The value at the surface of an output that is a volume, larger inside.
+    pub level: Option<f64>,
     /// Which number of the distances is the difference.
     pub statistic: Statistic,
     /// How many millimetres are allowed.
@@ -97,6 +99,7 @@ impl Default for Options {
             encoder: None,
             lattice: None,
             voxels: None,
+            level: None,
             statistic: Statistic::Max,
             budget_mm: None,
             attribute: true,
@@ -116,6 +119,9 @@ enum Party {
     Graph(Box<Flow>),
     Dump(Arrays),
 }
+
+/// ONNX's number of f16.
+const F16: i32 = 10;
 
 /// Inputs of which the difference is attributed; more cost time and tell little else.
 const ATTRIBUTED: usize = 2;
@@ -193,6 +199,9 @@ pub fn diff(
 
     let numbers = numbers::compare(&base_outputs, &variant_outputs).map_err(|m| fault(&sides.1.path, m))?;
     progress(1, 3, "measuring");
+    if let (Some(level), Some(outputs)) = (options.level, base_outputs.first()) {
+        setup.take_volume(outputs, level).map_err(|message| fault(&sides.0.path, message))?;
+    }
     let finished = |outputs: &[Outputs], setup: &mut Setup| -> Result<Vec<Outputs>> {
         outputs.iter().enumerate().map(|(draw, outputs)| setup.finish(draw, outputs.clone())).collect()
     };
@@ -225,6 +234,13 @@ pub fn diff(
         }
         _ => None,
     };
+    if matches!(&parties.1, Party::Graph(flow) if flow.floats.values().any(|&element| element == F16)) {
+        notes.push(
+            "ONNX Runtime on a CPU computes chains of f16 nodes in f32 and rounds what is asked for: the difference is \
+             of the outputs alone, the attribution of all tensors"
+                .into(),
+        );
+    }
     let millimetres = distances.map(|d| d.statistic(options.statistic));
     let measured = !matches!(geometry, report::Geometry::Numbers);
     if !measured {

@@ -44,6 +44,9 @@ pub fn plan(
     let ranges = lowering::ranges(&with_inputs(&recorded, &draws));
     drop(recorded);
     let base_outputs = finished(&flow, &draws, &mut setup)?;
+    if let (Some(level), Some(outputs)) = (options.level, base_outputs.first()) {
+        setup.take_volume(outputs, level).map_err(|message| fault(&flow.name, message))?;
+    }
     let ruler = setup.meaning.ruler(&base_outputs).map_err(|message| fault(&flow.name, message))?;
 
     let mut trial = Trials { flow: &flow, to, ranges: &ranges, options, ruler: &*ruler, trials: Vec::new() };

@@ -134,18 +134,18 @@ pub struct BodyReport {
     pub body: String,
     /// Bodies compared.
     pub bodies: usize,
-    /// Mean per-joint position error, millimetres, roots together.
-    pub mpjpe: f64,
+    /// Mean per-joint position error, millimetres, roots together; this and what follows is absent where a body is not finite.
+    pub mpjpe: Option<f64>,
     /// The same after each body's similarity.
-    pub pa_mpjpe: f64,
+    pub pa_mpjpe: Option<f64>,
     /// Distances of the joints as they stand.
-    pub joints: Summary,
+    pub joints: Option<Summary>,
     /// Distances of the vertices as they stand.
     pub vertices: Option<Summary>,
     /// The vertex that is farthest off.
     pub worst_vertex: Option<WorstVertex>,
     /// The joint that is farthest off.
-    pub worst_joint: WorstJoint,
+    pub worst_joint: Option<WorstJoint>,
     /// Distances of the projected joints in pixels of the crop, for a graph that has a camera.
     pub reprojection_px: Option<Summary>,
     /// How far the camera's translation (t_x, t_y, 2f/(S s)) moves; a crop's long focal length makes its depth tens of metres.
@@ -271,7 +271,7 @@ pub struct Attribution {
     /// What the numbers are: `mm` with the statistic, or relative where there is no geometry.
     pub unit: String,
     /// The whole difference, in that unit.
-    pub whole: f64,
+    pub whole: Option<f64>,
     /// The sum of the costs below: first-order, and of absolute values.
     pub sum: f64,
     /// The share of the whole displacement that all costs explain together: 1 where errors add up linearly.
@@ -311,7 +311,7 @@ pub struct Cost {
     /// ⟨Δ_k, Δ⟩/⟨Δ, Δ⟩: the signed share of the whole displacement.
     pub share: f64,
     /// Root mean square of its own outputs' difference, relative to theirs.
-    pub local: f64,
+    pub local: Option<f64>,
 }
 
 /// A mesh with an error at each vertex.

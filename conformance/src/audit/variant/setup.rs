@@ -11,8 +11,9 @@ use super::Options;
 use super::flow::{Flow, fault};
 use super::geometry::Outputs;
 use super::geometry::body::Source;
+use super::geometry::field::Lattice;
 use super::meaning::{self, Declared, Meaning};
-use super::people::{Normal, Person, cameras};
+use super::people::{CUBE, Normal, Person, cameras};
 use super::runner::{Arrays, Runner};
 use super::surgery::out;
 use crate::array::Array;
@@ -53,6 +54,17 @@ enum After {
     Masks { seen: Vec<Vec<bool>>, outside: f64 },
 }
 
+impl After {
+    /// Inputs that were given show somebody else.
+    fn forget_masks(&mut self) {
+        match self {
+            After::Nothing => {}
+            After::Query { seen, .. } => seen.fill(None),
+            After::Masks { .. } => *self = After::Nothing,
+        }
+    }
+}
+
 impl Setup {
     /// Draws or reads the inputs of a graph and finds out what its outputs mean.
     ///
@@ -81,6 +93,7 @@ impl Setup {
         if let Some(file) = &options.inputs {
             setup.draws = vec![read_npz(file, flow.inputs.iter().map(String::as_str))?];
             setup.words = file.display().to_string();
+            setup.after.forget_masks();
         }
         if matches!(setup.meaning, Meaning::Numbers) {
             setup.guess(options);
@@ -302,6 +315,32 @@ impl Setup {
                 "its features come from an encoder: name that graph with --encoder".into(),
             )),
         }
+    }
+
+    /// Takes an output that is a volume for a field with its surface at `level`, larger inside; the cube's side is that of
+    /// [`CUBE`](super::people::CUBE).
+    ///
+    /// # Errors
+    /// When no output has exactly three sides longer than 1.
+    pub fn take_volume(&mut self, outputs: &Outputs, level: f64) -> std::result::Result<(), String> {
+        let long = |tensor: &Tensor| -> Option<[usize; 3]> {
+            tensor.shape.iter().copied().filter(|&side| side > 1).collect::<Vec<_>>().try_into().ok()
+        };
+        let (name, shape) = outputs
+            .iter()
+            .find_map(|(name, tensor)| Some((name, long(tensor)?)))
+            .ok_or("no output is a volume, with three sides longer than 1")?;
+        let spacing = CUBE.side / shape.into_iter().max().unwrap_or(1) as f64;
+        self.meaning = Meaning::Field(Lattice {
+            output: self.outputs.get(name).unwrap_or(name).clone(),
+            shape,
+            origin: CUBE.origin.map(|x| x + 0.5 * spacing),
+            spacing,
+            level,
+            inside_is_larger: true,
+            words: format!("output \"{name}\", {shape:?} points of a cube of {} m", CUBE.side),
+        });
+        Ok(())
     }
 
     /// Outputs that are bodies by their names and shapes, without a contract.

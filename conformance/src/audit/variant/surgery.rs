@@ -67,8 +67,8 @@ pub fn out(tensor: &str) -> String {
 /// # Errors
 /// When they hold none, or one that cannot be taken apart: subgraphs, which read tensors unseen, and weights in other files.
 pub fn open(bytes: &[u8]) -> Result<ModelProto, String> {
-    let model = ModelProto::decode(bytes).map_err(|why| format!("not an ONNX model: {why}"))?;
-    let graph = model.graph.as_ref().ok_or("an ONNX model without a graph")?;
+    let mut model = ModelProto::decode(bytes).map_err(|why| format!("not an ONNX model: {why}"))?;
+    let graph = model.graph.as_mut().ok_or("an ONNX model without a graph")?;
     if let Some(node) =
         graph.node.iter().find(|node| node.attribute.iter().any(|a| a.g.is_some() || !a.graphs.is_empty()))
     {
@@ -83,7 +83,45 @@ pub fn open(bytes: &[u8]) -> Result<ModelProto, String> {
             "initializer \"{name}\" lies in another file; save the graph in one file to have it taken apart"
         ));
     }
+    graph.node = in_order(std::mem::take(&mut graph.node))?;
     Ok(model)
+}
+
+/// Nodes, each after those that it reads, otherwise in the order given: converters append what they insert at the end, and ONNX
+/// Runtime takes it.
+fn in_order(nodes: Vec<NodeProto>) -> Result<Vec<NodeProto>, String> {
+    let maker: BTreeMap<&str, usize> = nodes
+        .iter()
+        .enumerate()
+        .flat_map(|(i, node)| node.output.iter().map(move |name| (name.as_str(), i)))
+        .collect();
+    let mut readers: Vec<Vec<usize>> = vec![Vec::new(); nodes.len()];
+    let mut waits = vec![0_usize; nodes.len()];
+    for (i, node) in nodes.iter().enumerate() {
+        for &before in
+            node.input.iter().filter(|name| !name.is_empty()).filter_map(|name| maker.get(name.as_str()))
+        {
+            readers[before].push(i);
+            waits[i] += 1;
+        }
+    }
+    let mut ready: BTreeSet<usize> = (0..nodes.len()).filter(|&i| waits[i] == 0).collect();
+    let mut order = Vec::with_capacity(nodes.len());
+    while let Some(next) = ready.pop_first() {
+        order.push(next);
+        for &reader in &readers[next] {
+            waits[reader] -= 1;
+            if waits[reader] == 0 {
+                ready.insert(reader);
+            }
+        }
+    }
+    if let Some(stuck) = waits.iter().position(|&left| left > 0) {
+        let name = nodes[stuck].name.as_deref().unwrap_or_default();
+        return Err(format!("node \"{name}\" reads, directly or not, what it makes itself"));
+    }
+    let mut nodes: Vec<Option<NodeProto>> = nodes.into_iter().map(Some).collect();
+    Ok(order.into_iter().filter_map(|i| nodes[i].take()).collect())
 }
 
 /// The rewritten graph as a file's bytes.

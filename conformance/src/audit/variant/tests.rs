@@ -92,8 +92,11 @@ fn the_one_layer_that_was_changed_bears_the_whole_difference() {
     assert_eq!(names, ["MatMul_2"], "{found:?}");
     // Alone it is the whole: the share is 1 but for the rounding of the difference.
     assert!((found.costs[0].share - 1.0).abs() < 1e-3 && (found.explained - 1.0).abs() < 1e-3);
-    assert!((found.costs[0].alone.expect("finite") / found.whole - 1.0).abs() < 1e-3);
-    assert!((found.costs[0].local - 0.001).abs() < 1e-5, "the layer's own error is what was put in");
+    assert!((found.costs[0].alone.expect("finite") / found.whole.expect("finite") - 1.0).abs() < 1e-3);
+    assert!(
+        (found.costs[0].local.expect("finite") - 0.001).abs() < 1e-5,
+        "the layer's own error is what was put in"
+    );
 }
 
 #[test]
@@ -162,6 +165,24 @@ fn a_fed_tensor_is_not_computed_and_a_nudged_one_is_read_with_the_nudge() {
     // The input itself is no longer needed.
     let found = session.run(|name| (name == feed("h1")).then_some(&fed)).expect("it runs");
     assert_eq!(found[&out("y")], nudged[&out("y")]);
+}
+
+#[test]
+fn nodes_that_a_converter_appended_are_put_in_order_and_circles_are_refused() {
+    let nodes = |second: &str| {
+        GraphBuilder::new(17)
+            .input("x", &[1, WIDTH])
+            .node("Tanh", &["a"], &["y"], vec![])
+            .node("Neg", &[second], &["a"], vec![])
+            .output("y")
+            .to_bytes()
+    };
+    let flow = Flow::new("appended", &nodes("x")).expect("a graph");
+    assert_eq!((flow.maker["a"], flow.maker["y"]), (0, 1));
+    let x = Arrays::from([("x".to_owned(), Array::new(&[1, WIDTH], vec![0.5; WIDTH]))]);
+    assert_eq!(flow.record(&x).expect("it runs")["a"].values, vec![-0.5; WIDTH]);
+    let circle = Flow::new("circle", &nodes("y")).expect_err("no order");
+    assert!(circle.to_string().contains("what it makes itself"), "{circle}");
 }
 
 #[test]

@@ -111,13 +111,11 @@ impl Ruler for BodyRuler {
         let vertex = self.vertex_distances(&others);
         let joint: Vec<f64> =
             self.base.iter().zip(&others).flat_map(|(a, b)| distances_mm(&a.joints, &b.joints)).collect();
-        let vertices = Summary::of(&vertex);
-        let Some(joints) = Summary::of(&joint) else {
-            return Err("the variant's joints are not finite: nothing can be measured".to_owned());
-        };
+        let (vertices, joints) = (Summary::of(&vertex), Summary::of(&joint));
+        // Of bodies that are not finite nothing more is measured: no similarity brings them anywhere.
         let mean = |error: &dyn Fn(&[Vector3], &[Vector3]) -> f64| {
-            let sum: f64 = self.base.iter().zip(&others).map(|(a, b)| error(&b.joints, &a.joints)).sum();
-            MM * sum / self.base.len() as f64
+            let errors = self.base.iter().zip(&others).map(|(a, b)| error(&b.joints, &a.joints));
+            joints.map(|_| MM * errors.sum::<f64>() / self.base.len() as f64)
         };
         let pictures: Vec<_> = self
             .base
@@ -138,12 +136,12 @@ impl Ruler for BodyRuler {
             joints,
             vertices,
             worst_vertex: worst(&vertex).map(|(place, millimetres)| self.worst_vertex(place, millimetres)),
-            worst_joint: self.worst_joint(worst(&joint).unwrap_or((0, 0.0))),
+            worst_joint: worst(&joint).map(|worst| self.worst_joint(worst)),
             reprojection_px: Summary::of(&pixels),
             camera: Summary::of(&cameras),
         };
         // A body without vertices is measured by its joints.
-        let distances = if vertex.is_empty() { Some(joints) } else { vertices };
+        let distances = if vertex.is_empty() { joints } else { vertices };
         Ok((Geometry::Body(report), distances))
     }
 
@@ -162,6 +160,9 @@ impl Ruler for BodyRuler {
             return Ok(None);
         }
         let errors = distances_mm(&base.vertices, &others[body].vertices);
+        if errors.iter().any(|e| !e.is_finite()) {
+            return Ok(None);
+        }
         Ok(Some(View {
             title: format!("body {body} of the base, coloured by how far the variant's vertices are"),
             vertices: base.vertices.iter().map(|v| v.map(|x| x as f32)).collect(),
@@ -369,7 +370,7 @@ mod tests {
         assert_eq!((worst.vertex, worst.body), (1, 0));
         assert!((worst.millimetres - 1.0).abs() < 1e-12 && (distances.max - 1.0).abs() < 1e-12);
         assert!((distances.mean - 1.0 / 3.0).abs() < 1e-12);
-        assert!(found.mpjpe < 1e-12 && found.joints.max < 1e-12);
+        assert!(found.mpjpe < Some(1e-12) && found.joints.expect("finite").max < 1e-12);
         let view = ruler.view(&points(&moved, &JOINTS)).expect("bodies").expect("faces");
         assert_eq!(view.millimetres.len(), 3);
         assert!((view.millimetres[1] - 1.0).abs() < 1e-6 && view.millimetres[0] == 0.0);
@@ -381,7 +382,8 @@ mod tests {
         let ruler =
             BodyRuler::new(Source::Points { faces: Vec::new() }, &points(&JOINTS, &JOINTS)).expect("bodies");
         let (found, _) = report(&ruler, &points(&shifted, &shifted));
-        assert!((found.joints.mean - 5.0).abs() < 1e-9 && found.mpjpe < 1e-9 && found.pa_mpjpe < 1e-9);
+        assert!((found.joints.expect("finite").mean - 5.0).abs() < 1e-9);
+        assert!(found.mpjpe < Some(1e-9) && found.pa_mpjpe < Some(1e-9));
     }
 
     #[test]
@@ -461,6 +463,10 @@ mod tests {
         let ruler = BodyRuler::new(source(PoseForm::SixD), &parameters(PoseForm::SixD, 0.2, [0.9, 0.0, 0.0]))
             .expect("a body");
         assert_eq!(ruler.displacement(&broken).expect("shapes").lengths, None);
-        assert!(ruler.report(&broken).expect_err("no body").contains("not finite"));
+        let (Geometry::Body(found), None) = ruler.report(&broken).expect("shapes") else {
+            panic!("no distances")
+        };
+        assert_eq!((found.mpjpe, found.joints, found.worst_joint), (None, None, None));
+        assert_eq!(ruler.view(&broken), Ok(None));
     }
 }
