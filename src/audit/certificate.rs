@@ -34,6 +34,12 @@ pub struct Arguments {
     /// computed, under their ONNX names
     #[arg(long, value_name = "ort|npz:DUMP.npz", default_value = "ort", value_parser = second_party)]
     runtime: SecondParty,
+    /// Write the first node outside rounding by itself into this folder, in ONNX's test layout
+    #[arg(long, value_name = "DIR")]
+    reproduction: Option<PathBuf>,
+    /// Compare every element, however long it takes; without it large nodes are judged by a stated sample
+    #[arg(long)]
+    every_element: bool,
     /// Threads within an operator of ONNX Runtime; 0 takes one per core
     #[arg(long, default_value_t = 2)]
     threads: usize,
@@ -76,7 +82,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         SecondParty::OnnxRuntime => None,
     };
     let (inputs, words) = given(arguments, &model, dump.as_mut())?;
-    let options = audit::Options { inputs: words, ..Default::default() };
+    let mut options =
+        audit::Options { inputs: words, reproductions: arguments.reproduction.clone(), ..Default::default() };
+    if arguments.every_element {
+        (options.effort, options.chain) = (f64::MAX, f64::MAX);
+    }
     let mut runtime = OnnxRuntime { threads: arguments.threads, ..Default::default() };
     let party: &mut dyn Party = match &mut dump {
         Some(dump) => dump,

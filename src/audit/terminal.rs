@@ -274,6 +274,9 @@ pub fn next(audit: &Audit, destinations: &Destinations) -> String {
             let json = json.display().to_string();
             format!("next: vitruvian audit blame {} --node {}", shell(&json), shell(&first.node))
         }
+        (Some(first), None) if first.reproduction.is_none() => {
+            format!("next: vitruvian audit {graph} --reproduction reproduction --html audit.html")
+        }
         (Some(_), None) => format!("next: vitruvian audit {graph} --html audit.html"),
         (None, _) => format!("next: vitruvian audit diff {graph} VARIANT.onnx"),
     }

@@ -149,7 +149,7 @@ fn a_planted_fault_is_found_at_its_node_in_every_form() {
     let scene = Scene::new();
     scene.dump("scaled.npz", |sums| sums.iter_mut().for_each(|sum| *sum *= 1.001));
     let words = ["@/net.onnx", "--runtime", "npz:@/scaled.npz", "--json", "@/a.json", "--junit", "@/a.xml"];
-    let run = scene.run(&[&words[..], &["--html", "@/a.html"]].concat());
+    let run = scene.run(&[&words[..], &["--html", "@/a.html", "--reproduction", "@/alone"]].concat());
     assert_eq!(run.status, 4, "{run:?}");
     let report: serde_json::Value =
         serde_json::from_slice(&fs::read(scene.path("a.json")).expect("a.json")).expect("JSON");
@@ -168,6 +168,10 @@ fn a_planted_fault_is_found_at_its_node_in_every_form() {
     let name = node.as_str().expect("a name");
     assert!(run.out.contains(&format!("At {name} (Add, node 2 of 3)")), "{}", run.out);
     assert!(run.err.lines().any(|line| line.starts_with("error: ") && line.contains(name)), "{}", run.err);
+
+    let alone = report["first_outside"]["reproduction"].as_str().expect("a folder");
+    let model = Path::new(alone).join("model.onnx");
+    assert!(model.starts_with(scene.path("alone")) && model.is_file(), "{alone}");
 
     let xml = fs::read_to_string(scene.path("a.xml")).expect("a.xml");
     let xml = roxmltree::Document::parse(&xml).expect("well-formed XML");

@@ -28,4 +28,8 @@ shapes='{"features_1": [1, 32, 128, 128], "features_2": [1, 32, 64, 64], "featur
 "$python" $here/plant.py $graph GridSample align_corners "$shapes" $pages/planted.npz
 ends 4 "$vitruvian" audit $graph --runtime npz:$pages/planted.npz --json $pages/planted.json --html $pages/planted.html
 
+regressor=models/exported/regressor.onnx
+ends 0 "$vitruvian" audit plan $regressor --to f16 --budget-mm 1e6 --draws 1 --write $pages/f16.onnx
+ends 0 "$vitruvian" audit diff $regressor $pages/f16.onnx --draws 1 --no-attribution --html $pages/diff.html
+
 node $here/test.mjs $pages $pages/screenshots
