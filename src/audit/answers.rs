@@ -63,6 +63,16 @@ fn outside(audit: &Audit) -> Vec<String> {
     if audit.verdict == Grade::G3 && unusual > 0 {
         sentences.push(format!("{unusual} more {} unusual (G2).", if unusual == 1 { "is" } else { "are" }));
     }
+    let gap = audit.nodes.iter().find(|node| node.verdict == Grade::NotComparable);
+    sentences.extend(gap.and_then(|node| {
+        let why = node.why.as_ref()?;
+        Some(format!(
+            "The first that could not: {} ({}): {}.",
+            plain(&node.name),
+            plain(&node.op),
+            plain(why)
+        ))
+    }));
     sentences.push(coverage(&audit.coverage, audit.nodes.iter().flat_map(|node| &node.tensors)));
     sentences.extend(gaps(&audit.coverage));
     sentences
