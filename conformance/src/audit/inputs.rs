@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::error::{Error, Result};
 use crate::onnx::element::ElementType;
-use crate::onnx::message::{DimensionValue, ValueInfoProto};
+use crate::onnx::message::{DimensionProto, DimensionValue, ValueInfoProto};
 use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::{Elements, TypedTensor};
 
@@ -57,6 +57,34 @@ pub fn draw(model: &Model, seed: u64, dimensions: &BTreeMap<String, usize>) -> R
         inputs.insert(name.clone(), typed(element, &shape, &numbers).map_err(|why| error(item(), why))?);
     }
     Ok((inputs, format!("drawn from seed {seed}: {}", drawn.join("; "))))
+}
+
+/// Whether a tensor is what the graph declares for an input; sides that it leaves open may have any length.
+///
+/// # Errors
+/// What was found and what was expected.
+pub(super) fn check(input: &ValueInfoProto, tensor: &TypedTensor) -> std::result::Result<(), String> {
+    let Some(declared) = input.r#type.as_ref().and_then(|t| t.tensor_type.as_ref()) else { return Ok(()) };
+    let element = declared.elem_type.and_then(ElementType::from_number);
+    if let Some(element) = element.filter(|&element| element != tensor.element()) {
+        let found = tensor.element();
+        return Err(format!("is {found}, the graph takes {element}; convert the array before it is given"));
+    }
+    let Some(shape) = &declared.shape else { return Ok(()) };
+    let side = |dim: &DimensionProto| match &dim.value {
+        Some(DimensionValue::Number(side)) => side.to_string(),
+        Some(DimensionValue::Symbol(symbol)) => symbol.clone(),
+        None => "?".to_owned(),
+    };
+    let fits = |(dim, &length): (&DimensionProto, &usize)| match dim.value {
+        Some(DimensionValue::Number(side)) => usize::try_from(side) == Ok(length),
+        _ => true,
+    };
+    if shape.dim.len() == tensor.shape.len() && shape.dim.iter().zip(&tensor.shape).all(fits) {
+        return Ok(());
+    }
+    let expected: Vec<String> = shape.dim.iter().map(side).collect();
+    Err(format!("has shape {:?}, the graph takes [{}]", tensor.shape, expected.join(", ")))
 }
 
 /// The length of an open dimension: what is given for its symbol, or for `S` where the exporter wrote `S/2` or `2*S`.

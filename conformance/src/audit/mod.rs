@@ -164,6 +164,12 @@ fn given(model: &Model, inputs: &BTreeMap<String, TypedTensor>) -> Result<Tensor
     if let Some(name) = declared.iter().find(|name| !inputs.contains_key(**name)) {
         return Err(error(format!("input \"{name}\""), "is not given; give an array of this name"));
     }
+    for (value, tensor) in
+        model.declared_inputs().into_iter().filter_map(|v| Some((v, inputs.get(v.name.as_deref()?)?)))
+    {
+        inputs::check(value, tensor)
+            .map_err(|why| error(format!("input \"{}\"", value.name.as_deref().unwrap_or_default()), &why))?;
+    }
     if let Some(name) = inputs.keys().find(|name| !declared.contains(name.as_str())) {
         return Err(error(format!("input \"{name}\""), "is given, but the graph has no such input"));
     }

@@ -20,11 +20,13 @@ pub struct OnnxRuntime {
     pub threads: usize,
     /// Bytes of tensors that a part may make, by estimate.
     pub memory: usize,
+    /// Nodes that a part may have: fewer after a part that was refused, and more again with every part that runs.
+    pub nodes: usize,
 }
 
 impl Default for OnnxRuntime {
     fn default() -> Self {
-        Self { threads: 2, memory: 512 << 20 }
+        Self { threads: 2, memory: 512 << 20, nodes: usize::MAX }
     }
 }
 
@@ -40,14 +42,20 @@ impl Party for OnnxRuntime {
 
     fn segment(&mut self, model: &Model, first: usize, held: &Tensors) -> Result<Segment> {
         library::environment()?;
-        let mut count = segment::reach(model, first, held, self.memory);
+        let mut count = segment::reach(model, first, held, self.memory).min(self.nodes);
         loop {
             let part = Part::of(model, first..first + count, held);
             let mut segment = Segment { nodes: first..first + count, ..Segment::default() };
             match part.and_then(|part| self.run(model.name(), &part, &mut segment)) {
-                Ok(()) => return Ok(segment),
+                Ok(()) => {
+                    self.nodes = self.nodes.saturating_mul(2);
+                    return Ok(segment);
+                }
                 // What a part cannot do, a smaller one may; one node alone tells what stands in the way.
-                Err(_) if count > 1 => count = count.div_ceil(2),
+                Err(_) if count > 1 => {
+                    count = count.div_ceil(2);
+                    self.nodes = count;
+                }
                 Err(why) => {
                     let outputs = &model.nodes()[first].output;
                     let outputs = outputs.iter().filter(|name| !name.is_empty());
