@@ -17,7 +17,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::judge::numbers;
+use super::compare::numbers;
 use super::party::{Held, Tensors};
 use super::report::{NodeReport, OutputReport};
 use crate::onnx::element::ElementType;

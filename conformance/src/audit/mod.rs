@@ -23,6 +23,7 @@
 mod blame;
 pub mod case;
 mod chain;
+mod compare;
 mod discontinuity;
 mod division;
 pub mod dump;

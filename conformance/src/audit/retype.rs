@@ -3,7 +3,7 @@
 //! Programs that write dumps like to widen: f16 as f32, i32 as i64, truths as bytes. Such a tensor is brought back to the
 //! graph's type, which is what the next node was given; a number that the type does not hold is rounded.
 
-use super::judge::{integers, numbers};
+use super::compare::{integers, numbers};
 use crate::onnx::element::ElementType;
 use crate::onnx::message::NodeProto;
 use crate::onnx::typed_tensor::{Elements, TypedTensor};

@@ -47,7 +47,7 @@ pub(super) fn suspicions(trial: &Trial, others: &BTreeMap<String, Arc<TypedTenso
 }
 
 fn varies(tensor: &TypedTensor) -> bool {
-    let numbers = crate::audit::judge::numbers(tensor);
+    let numbers = crate::audit::compare::numbers(tensor);
     numbers.iter().any(|x| *x != numbers[0])
 }
 
@@ -81,7 +81,7 @@ fn operands_of_others(trial: &Trial, others: &BTreeMap<String, Arc<TypedTensor>>
 
 /// One number everywhere, or no numbers.
 fn constant(found: &TypedTensor) -> Option<Suspicion> {
-    let numbers = crate::audit::judge::numbers(found);
+    let numbers = crate::audit::compare::numbers(found);
     let first = *numbers.first()?;
     let all = |f: &dyn Fn(f64) -> bool| numbers.iter().all(|&x| f(x));
     let (name, detail) = if all(&|x| x == 0.0) {

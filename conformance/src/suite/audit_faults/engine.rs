@@ -58,7 +58,7 @@ impl Engine {
 /// The outputs of one node.
 fn alone(model: &Model, index: usize, held: &Tensors) -> Result<BTreeMap<String, TypedTensor>> {
     // A part that may make no bytes is one node.
-    let mut runtime = OnnxRuntime { threads: 1, memory: 0 };
+    let mut runtime = OnnxRuntime { threads: 1, memory: 0, ..Default::default() };
     let segment = runtime.segment(model, index, held)?;
     let node = &model.nodes()[index];
     if let Some((name, why)) = segment.missing.first_key_value() {
