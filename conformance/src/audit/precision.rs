@@ -104,7 +104,7 @@ impl Precision {
             let same_end = found.is_infinite() && (found > 0.0) == (value > 0.0);
             let verdict = if value.is_finite() && same_end && beyond(value.abs() + bound) {
                 Verdict::Rounding
-            } else if value.is_finite() && expected.terms > 0.0 && beyond(expected.magnitude + bound) {
+            } else if value.is_finite() && expected.terms > 1.0 && beyond(expected.magnitude + bound) {
                 Verdict::Unusual
             } else {
                 Verdict::Different

@@ -73,8 +73,12 @@ mod tests {
 
     fn asked(operator: &str, axis: Option<i64>, sides: &[i64]) -> Option<Vec<usize>> {
         let attributes = axis.map(|axis| int("axis", axis)).into_iter().collect();
-        let bytes =
-            GraphBuilder::new(21).input("x", &[2, 1, 6]).node(operator, &["x", "s"], &["y"], attributes);
+        let bytes = GraphBuilder::new(21).input("x", &[2, 1, 6]).integers("s", &[sides.len()], sides).node(
+            operator,
+            &["x", "s"],
+            &["y"],
+            attributes,
+        );
         let model = Model::from_bytes("g", bytes.output("y").to_bytes()).expect("a model");
         let x = TypedTensor { shape: vec![2, 1, 6], elements: Elements::F32(vec![0.0; 12]) };
         let list = TypedTensor { shape: vec![sides.len()], elements: Elements::I64(sides.to_vec()) };
