@@ -1,7 +1,7 @@
 //! Graphs that somebody made to do harm, or that broke on the way: each is refused in one line that names what is wrong.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use prost::Message as _;
 use vitruvian_conformance::onnx::builder::GraphBuilder;
@@ -206,33 +206,46 @@ fn chain(count: usize) -> Vec<NodeProto> {
     std::iter::once(first).chain((2..=count).map(|k| node(&[&name(k - 1)], &name(k)))).collect()
 }
 
-/// What a check of a million nodes may take on a machine that does other things as well.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// What reading a million nodes may take of a processor's time.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// How long this thread has been computing, whatever else the machine does; nothing where the system does not say.
+fn busy() -> Duration {
+    let said = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    Duration::from_nanos(
+        said.split_whitespace().next().and_then(|nanoseconds| nanoseconds.parse().ok()).unwrap_or(0),
+    )
+}
 
 #[test]
 fn a_million_nodes_are_read_or_refused_in_seconds() {
-    let begin = Instant::now();
     let count = 1_000_000;
-    let mut nodes_ = chain(count);
-    let read = Model::from_bytes("long", nodes(nodes_.clone())).expect("a model");
+    let mut sorted = chain(count);
+    let bytes = nodes(sorted.clone());
+    let begin = busy();
+    let read = Model::from_bytes("long", bytes).expect("a model");
     assert_eq!(read.nodes().len(), count);
     drop(read);
-    println!("read after {:?}", begin.elapsed());
+    let time = busy() - begin;
+    assert!(time < PATIENCE, "read in {time:?}");
 
-    nodes_[0].input.push("y".into());
-    let cyclic = refusal(nodes(nodes_.clone()));
+    sorted[0].input.push("y".into());
+    let bytes = nodes(sorted.clone());
+    let begin = busy();
+    let cyclic = refusal(bytes);
     assert!(cyclic.contains("1000000 nodes read each other in a cycle"), "{cyclic}");
-    nodes_[0].input.pop();
-    nodes_.reverse();
-    let reversed = refusal(nodes(nodes_));
+    let cycle = busy() - begin;
+    assert!(cycle < PATIENCE, "a cycle is found in {cycle:?}");
+
+    sorted[0].input.pop();
+    sorted.reverse();
+    let reversed = refusal(nodes(sorted));
     assert!(reversed.contains("sort the nodes"), "{reversed}");
-    assert!(begin.elapsed() < PATIENCE, "{:?}", begin.elapsed());
-    println!("all three after {:?}", begin.elapsed());
+    println!("read in {time:?}, a cycle found in {cycle:?}");
 }
 
 #[test]
 fn a_million_inputs_of_one_node_are_read_in_seconds() {
-    let begin = Instant::now();
     let names: Vec<String> = (0..1_000_000).map(|k| format!("t{k}")).collect();
     let mut file = model(GraphProto {
         node: vec![node(&names.iter().map(String::as_str).collect::<Vec<_>>(), "y")],
@@ -240,9 +253,12 @@ fn a_million_inputs_of_one_node_are_read_in_seconds() {
     });
     let value = |name: &String| ValueInfoProto { name: Some(name.clone()), ..Default::default() };
     file.graph.as_mut().expect("a graph").input = names.iter().map(value).collect();
-    let read = Model::from_bytes("wide", file.encode_to_vec()).expect("a model");
+    let bytes = file.encode_to_vec();
+    let begin = busy();
+    let read = Model::from_bytes("wide", bytes).expect("a model");
     assert_eq!(read.inputs().len(), names.len());
-    assert!(begin.elapsed() < PATIENCE, "{:?}", begin.elapsed());
+    let time = busy() - begin;
+    assert!(time < PATIENCE, "read in {time:?}");
 }
 
 #[test]

@@ -138,12 +138,16 @@ fn split<T: Scalar>(call: &Call<T>) -> Result<Vec<Value<T>>, String> {
         Some(sides) => lengths(&sides)?,
         None => {
             // Equal parts, the last one smaller.
-            let parts = attributes.count("num_outputs", call.node.output.len())?.max(1);
+            let names = call.node.output.len();
+            let parts = attributes.count("num_outputs", names)?.max(1);
+            if parts != names.max(1) {
+                return Err(format!("attribute \"num_outputs\" is {parts}, the node has {names} outputs"));
+            }
             let side = length.div_ceil(parts);
             (0..parts).map(|k| side.min(length - (k * side).min(length))).collect()
         }
     };
-    if sides.iter().sum::<usize>() != length {
+    if sides.iter().try_fold(0_usize, |all, &side| all.checked_add(side)) != Some(length) {
         return Err(format!("parts {sides:?} do not make up axis {at} of shape {:?}", x.shape()));
     }
     let mut first = 0;
