@@ -26,7 +26,7 @@ pub struct OnnxRuntime {
 
 impl Default for OnnxRuntime {
     fn default() -> Self {
-        Self { threads: 2, memory: 512 << 20, nodes: usize::MAX }
+        Self { threads: 2, memory: 256 << 20, nodes: usize::MAX }
     }
 }
 
@@ -79,6 +79,8 @@ impl OnnxRuntime {
         let inputs: Vec<(&str, Input)> = values.iter().map(|(name, value)| (*name, value.into())).collect();
         let outputs: Vec<&str> = part.outputs.iter().map(String::as_str).collect();
         let found = session.run(&inputs, &outputs).map_err(|e| e.to_string())?;
+        // The inputs are copies, and the outputs are copied in turn.
+        drop((inputs, values));
         for (name, value) in part.outputs.iter().zip(found) {
             match taken(&value) {
                 Ok(tensor) => {
