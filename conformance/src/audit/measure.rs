@@ -1,5 +1,7 @@
 //! What the differences of one tensor come to: gathered element by element, in parts that can be joined.
 
+use std::collections::BTreeMap;
+
 use vitruvian_reference::nn::Rounded;
 
 use super::precision::Precision;
@@ -37,7 +39,7 @@ pub struct Measure {
     terms: f64,
     csu_max: f64,
     csu_squares: f64,
-    fine: Vec<u64>,
+    fine: BTreeMap<usize, u64>,
     decades: [u64; 10],
     abs_max: f64,
     rel_max: f64,
@@ -64,7 +66,7 @@ impl Measure {
             terms: 0.0,
             csu_max: 0.0,
             csu_squares: 0.0,
-            fine: Vec::new(),
+            fine: BTreeMap::new(),
             decades: [0; 10],
             abs_max: 0.0,
             rel_max: 0.0,
@@ -176,10 +178,7 @@ impl Measure {
         let decade = if csu > 0.0 { (csu.log10().floor() + 4.0).clamp(0.0, 9.0) as usize } else { 0 };
         self.decades[decade] += 1;
         if csu > 0.0 {
-            if self.fine.is_empty() {
-                self.fine = vec![0; BINS];
-            }
-            self.fine[bin(csu)] += 1;
+            *self.fine.entry(bin(csu)).or_default() += 1;
         }
         let rank = if verdict == Verdict::Different { share.max(1.0) } else { share };
         if rank > 0.0 && (self.bad.len() < KEPT || self.bad.iter().any(|bad| bad.share < rank)) {
@@ -212,10 +211,8 @@ impl Measure {
         self.terms = self.terms.max(other.terms);
         self.csu_max = self.csu_max.max(other.csu_max);
         self.csu_squares += other.csu_squares;
-        if self.fine.is_empty() {
-            self.fine = other.fine;
-        } else {
-            self.fine.iter_mut().zip(&other.fine).for_each(|(a, b)| *a += b);
+        for (bin, count) in other.fine {
+            *self.fine.entry(bin).or_default() += count;
         }
         self.decades.iter_mut().zip(&other.decades).for_each(|(a, b)| *a += b);
         self.abs_max = self.abs_max.max(other.abs_max);
@@ -243,10 +240,10 @@ impl Measure {
     fn percentile(&self) -> f64 {
         let above = (self.compared / 1000).max(1);
         let mut seen = 0;
-        for (i, count) in self.fine.iter().enumerate().rev() {
+        for (&bin, count) in self.fine.iter().rev() {
             seen += count;
             if seen >= above {
-                return centre(i).min(self.csu_max);
+                return centre(bin).min(self.csu_max);
             }
         }
         0.0

@@ -18,8 +18,11 @@ const BOX: usize = 1 << 15;
 /// Products that a box of it takes at most, where its axes allow.
 const BOX_COST: f64 = (1 << 22) as f64;
 
-/// Neighbours along a division's run that are drawn together.
-const RUN: usize = 16;
+/// Products that a box takes beside its own, to be cut out and evaluated as a node: so much is drawn together.
+const OVERHEAD: f64 = 4096.0;
+
+/// Fewest and most neighbours along a division's run that are drawn together.
+const RUN: [usize; 2] = [16, 512];
 
 /// Fewest places that are drawn, whatever they cost.
 const FEWEST: usize = 8;
@@ -106,16 +109,17 @@ struct Draw<'a> {
 impl<'a> Draw<'a> {
     fn of(division: &'a Division) -> Self {
         let shape = &division.shape[..];
+        let run = ((OVERHEAD / division.cost) as usize).clamp(RUN[0], RUN[1]);
         let length = |(axis, &side): (usize, &usize)| match (division.axes[axis], division.run == Some(axis))
         {
             (false, _) => side,
-            (true, true) => side.min(RUN).min(if axis == 1 { division.block.unwrap_or(side) } else { side }),
+            (true, true) => side.min(run).min(if axis == 1 { division.block.unwrap_or(side) } else { side }),
             (true, false) => side.min(1),
         };
         let lengths: Vec<usize> = shape.iter().enumerate().map(length).collect();
         let places =
             shape.iter().zip(&lengths).map(|(&side, &length)| side.div_ceil(length.max(1))).product();
-        let cost = division.cost * lengths.iter().product::<usize>() as f64;
+        let cost = OVERHEAD + division.cost * lengths.iter().product::<usize>() as f64;
         Self { shape, lengths, block: division.block, places, cost }
     }
 
@@ -211,25 +215,25 @@ mod tests {
 
     #[test]
     fn a_sample_has_every_corner_and_the_border() {
-        let shape = [1, 40, 50, 60];
+        let shape = [1, 40, 50, 600];
         let case = case(&shape);
         let view = case.view();
         let division = Division::of(&view, 0).expect("a node that is cut");
-        let plan = Plan::of(&division, 20_000.0, 1);
+        let plan = Plan::of(&division, 2e6, 1);
         let has = |index: [usize; 4]| {
             let holds = |region: &Region| region.0.iter().zip(index).all(|(range, i)| range.contains(&i));
             plan.boxes.iter().any(holds)
         };
         for corner in 0..8 {
             let end = |bit: usize, side: usize| if corner >> bit & 1 == 1 { side - 1 } else { 0 };
-            assert!(has([0, end(0, 40), end(1, 50), end(2, 60)]), "corner {corner}");
+            assert!(has([0, end(0, 40), end(1, 50), end(2, 600)]), "corner {corner}");
         }
         assert!(plan.sample.as_ref().is_some_and(|text| text.contains("all 8 corners")), "{:?}", plan.sample);
         let first_row = plan.boxes.iter().filter(|region| region.0[2].start == 0).count();
         assert!(first_row > 4, "{first_row} boxes in the first row, of which 4 are corners");
         let compared: usize = plan.boxes.iter().map(Region::len).sum();
-        assert!(compared * 8 < 40_000, "{compared} elements for an effort of 20 000 products");
-        assert_eq!(Plan::of(&division, 20_000.0, 1).boxes, plan.boxes, "the same seed, the same sample");
+        assert!(compared * 8 < 40 * 50 * 600, "{compared} elements for an effort of two million products");
+        assert_eq!(Plan::of(&division, 2e6, 1).boxes, plan.boxes, "the same seed, the same sample");
     }
 
     #[test]
