@@ -80,7 +80,8 @@ impl OnnxRuntime {
         let outputs: Vec<&str> = part.outputs.iter().map(String::as_str).collect();
         let found = session.run(&inputs, &outputs).map_err(|e| e.to_string())?;
         // The inputs are copies, and the outputs are copied in turn.
-        drop((inputs, values));
+        drop(inputs);
+        drop(values);
         for (name, value) in part.outputs.iter().zip(found) {
             match taken(&value) {
                 Ok(tensor) => {
