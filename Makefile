@@ -36,9 +36,10 @@ conformance: onnxruntime
 	$(CARGO) run --release -p vitruvian-conformance --example sweep -- --cases 10000
 
 # The official ONNX backend tests, written by their pinned package (not committed), on every engine: docs/node_tests.md.
+# The feature is the third opinion, which takes some minutes to build.
 node-tests: onnxruntime python
 	$(PYTHON) conformance/node_tests/generate.py
-	$(CARGO) run --release -p vitruvian-conformance --example node_tests -- -o docs/node_tests.md
+	$(CARGO) run --release -p vitruvian-conformance --features tract --example node_tests -- -o docs/node_tests.md
 
 # PyTorch and the ONNX tools, pinned, for everything below.
 python: models/.venv/installed

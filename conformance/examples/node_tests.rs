@@ -22,6 +22,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let version = std::fs::read_to_string(arguments.folder.join("VERSION"))
         .map_err(|why| format!("{}: {why}; run `make node-tests`", arguments.folder.display()))?;
     let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(OnnxRuntime)];
+    #[cfg(feature = "tract")]
+    engines.push(Box::new(vitruvian_conformance::node_tests::tract::Tract));
     let names: Vec<&str> = engines.iter().map(|engine| engine.name()).collect();
     let bar = indicatif::ProgressBar::new(0);
     let rows = row::run(&arguments.folder, &mut engines, |done, all| {

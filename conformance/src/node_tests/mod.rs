@@ -13,7 +13,7 @@
 //! |---|---|
 //! | [`case`] | a case as read from its folder |
 //! | [`expected`] | what the reference says of a case, and how far a party is from it |
-//! | [`engine`] | the parties that compute: ONNX Runtime, tract |
+//! | [`engine`] | the parties that compute: ONNX Runtime, and tract with the feature of its name |
 //! | [`audits`] | the audit on every case |
 //! | [`witness`] | expectations that were computed in another way than their operator is defined |
 //! | [`row`] | one case on all parties |
@@ -25,4 +25,6 @@ pub mod engine;
 pub mod expected;
 pub mod row;
 pub mod table;
+#[cfg(feature = "tract")]
+pub mod tract;
 pub mod witness;

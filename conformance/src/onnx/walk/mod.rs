@@ -36,7 +36,7 @@ use std::ops::RangeInclusive;
 use vitruvian_reference::nn::{Scalar, Tensor};
 
 pub use self::graph::evaluate_graph;
-use self::refusal::caught;
+pub(crate) use self::refusal::caught;
 use super::attributes::Attributes;
 use super::element::ElementType;
 use super::message::NodeProto;

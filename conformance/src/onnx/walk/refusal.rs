@@ -11,7 +11,7 @@ thread_local! {
 }
 
 /// What `f` gives, or what it says when it panics; nothing is printed.
-pub(super) fn caught<R>(f: impl FnOnce() -> R) -> Result<R, String> {
+pub(crate) fn caught<R>(f: impl FnOnce() -> R) -> Result<R, String> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
         let previous = panic::take_hook();
