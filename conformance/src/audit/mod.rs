@@ -9,7 +9,7 @@
 //! | [`report`] | what an audit found, as data |
 //! | [`party`] | who computed: [`onnx_runtime`] runs the graph, [`dump`] reads what another engine left |
 //! | [`case`] | one node with its operands and outputs |
-//! | [`judge`] | the certificate of one node |
+//! | [`judge`](mod@judge) | the certificate of one node |
 //! | [`region`] | a box of a tensor; large nodes are judged box by box, or by a stated sample of boxes |
 //! | [`hypothesis`] | which mistake explains the numbers of a node that is outside rounding |
 //! | [`receptive_field`], [`source`], [`reproduction`] | what else is told about that node |

@@ -30,7 +30,7 @@
 //! near the middle of a large image keep few digits of f. That moves y by the local slope times as much. y is
 //! continuous and piecewise linear along an axis, so the slope is at most the largest difference of neighbouring pixels
 //! about the point; the 4^d pixels around the cell are searched, since the error may carry the point over a cell's border.
-//! Cubic: see [`interpolation`](super::interpolation). Nearest: nothing is rounded, but a point within its rounding of the
+//! Cubic: see `interpolation`. Nearest: nothing is rounded, but a point within its rounding of the
 //! middle between two pixels may fall to either: [`grid_sample_alternatives`].
 
 use super::interpolation::{Kernel, Stencil};
