@@ -111,7 +111,7 @@ fn dft_line<T: Scalar>(x: &[Complex<T>], Fourier { length: n, inverse, onesided 
     y
 }
 
-/// The transforms of the pieces of a signal [N,L,1|2] that start every `step` elements, each multiplied by a window \[W\] → \[N,F,K,2\].
+/// The transforms of the pieces of a signal [N,L,1|2] that start every `step` elements, each multiplied by a window \[W\] → [N,F,K,2].
 ///
 /// F = 1 + ⌊(L − W)/step⌋ whole pieces fit; K = W, or ⌊W/2⌋ + 1 for a half.
 ///
