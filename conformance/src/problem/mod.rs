@@ -7,11 +7,10 @@
 //! | file | operators |
 //! |---|---|
 //! | [`convolution`] | Conv in 1-D, 2-D and 3-D, ConvTranspose in 2-D and 3-D |
-//! | [`grid_sample`] | GridSample in 2-D and 3-D, in every mode |
+//! | [`grid_sample`] | GridSample in 2-D and 3-D |
 //! | [`normalization`] | BatchNormalization, GroupNormalization, InstanceNormalization, LayerNormalization, LpNormalization |
 //! | [`axis`] | Softmax, LogSoftmax, Hardmax, ArgMax, ArgMin, CumSum |
-//! | [`resampling`] | Resize in 1-D to 3-D, Pad, DepthToSpace, LRN, Conv with `auto_pad` |
-//! | [`pooling`] | MaxPool, AveragePool and LpPool in 2-D and 3-D, the same of whole images, the reductions |
+//! | [`pooling`] | MaxPool in 2-D and 3-D, AveragePool, GlobalAveragePool, the reductions |
 //! | [`elementwise`] | arithmetic, activations, powers and transcendental functions |
 //! | [`choice`] | comparisons, Where, ScatterND, ScatterElements |
 //! | [`matrix_product`] | Gemm, MatMul, Einsum |
@@ -40,7 +39,6 @@ pub mod matrix_product;
 pub mod movement;
 pub mod normalization;
 pub mod pooling;
-pub mod resampling;
 pub mod values;
 
 /// The version of ONNX's operators that the problems are written in: that of the exported networks.

@@ -33,13 +33,18 @@ pub struct Excerpt {
 
 /// The node itself where it is cheap, else one or two parts of it; none where it is dear and cannot be cut.
 pub fn excerpts(case: &Case, worst: Option<&[usize]>) -> Vec<Excerpt> {
+    cut_to(case, worst, CHEAP)
+}
+
+/// As [`excerpts`], of parts of about `products`.
+fn cut_to(case: &Case, worst: Option<&[usize]>, products: f64) -> Vec<Excerpt> {
     let whole = || Excerpt { case: case.clone(), window: None };
     let (cost, Some(shape)) =
         (cost(case), case.found.first().and_then(Option::as_ref).map(|y| y.shape.clone()))
     else {
         return vec![whole()];
     };
-    if cost <= CHEAP {
+    if cost <= products {
         return vec![whole()];
     }
     let zeros = vec![0; shape.len()];
@@ -47,14 +52,14 @@ pub fn excerpts(case: &Case, worst: Option<&[usize]>) -> Vec<Excerpt> {
     let operator = case.node.op_type.as_deref().unwrap_or_default();
     let parts: Vec<Excerpt> = match operator {
         "Conv" | "ConvTranspose" | "AveragePool" | "MaxPool" | "LpPool" => {
-            let mut parts: Vec<Excerpt> = windowed(case, worst).into_iter().collect();
+            let mut parts: Vec<Excerpt> = windowed(case, worst, products).into_iter().collect();
             let corner: Vec<usize> =
                 worst.iter().enumerate().map(|(axis, &i)| if axis < 2 { i } else { 0 }).collect();
-            parts.extend(windowed(case, &corner));
+            parts.extend(windowed(case, &corner, products));
             parts
         }
-        "MatMul" | "Gemm" => product(case, worst).into_iter().collect(),
-        _ => leading(case, worst).into_iter().collect(),
+        "MatMul" | "Gemm" => product(case, worst, products).into_iter().collect(),
+        _ => leading(case, worst, products).into_iter().collect(),
     };
     if parts.is_empty() && cost <= DEAR { vec![whole()] } else { parts }
 }
@@ -111,7 +116,7 @@ fn around(place: usize, length: usize, side: usize) -> Range<usize> {
 }
 
 /// A window of a convolution or a pool.
-fn windowed(case: &Case, worst: &[usize]) -> Option<Excerpt> {
+fn windowed(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     let node = &case.node;
     let transposed = node.op_type.as_deref() == Some("ConvTranspose");
     let pool = node.op_type.as_deref().is_some_and(|name| name.ends_with("Pool"));
@@ -132,7 +137,7 @@ fn windowed(case: &Case, worst: &[usize]) -> Option<Excerpt> {
     let groups = int(node, "group", 1);
     let channels = if groups == 1 || pool { around(worst[1], CHANNELS, y.shape[1]) } else { 0..y.shape[1] };
     let taps = cost(case) / y.len() as f64;
-    let places = (CHEAP / taps / channels.len() as f64).max(16.0);
+    let places = (products / taps / channels.len() as f64).max(16.0);
     let side = places.powf(1.0 / axes.max(1) as f64).floor().max(3.0) as usize;
 
     let batch = worst[0]..worst[0] + 1;
@@ -185,7 +190,7 @@ fn windowed(case: &Case, worst: &[usize]) -> Option<Excerpt> {
 }
 
 /// Some rows and columns of a matrix product.
-fn product(case: &Case, worst: &[usize]) -> Option<Excerpt> {
+fn product(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     let (a, b) = (tensor(case, 0)?, tensor(case, 1)?);
     let y = case.found.first()?.as_ref()?;
     let rank = y.shape.len();
@@ -196,10 +201,17 @@ fn product(case: &Case, worst: &[usize]) -> Option<Excerpt> {
     let gemm = case.node.op_type.as_deref() == Some("Gemm");
     let flipped = |name: &str| gemm && int(&case.node, name, 0) == 1;
     let depth = cost(case) / y.len() as f64;
-    let side = (CHEAP / depth).sqrt().max(8.0) as usize;
+    // Whole columns where a few rows of them are cheap: so a matrix that was transposed can still be.
+    let few = products / (depth * y.shape[rank - 1] as f64);
+    let (height, width) = match few >= 8.0 {
+        true => (few as usize, y.shape[rank - 1]),
+        false => ((products / depth).sqrt().max(8.0) as usize, (products / depth).sqrt().max(8.0) as usize),
+    };
     let mut rows: Vec<Range<usize>> = worst[..rank - 2].iter().map(|&i| i..i + 1).collect();
-    let (m, n) =
-        (around(worst[rank - 2], side, y.shape[rank - 2]), around(worst[rank - 1], side, y.shape[rank - 1]));
+    let (m, n) = (
+        around(worst[rank - 2], height, y.shape[rank - 2]),
+        around(worst[rank - 1], width, y.shape[rank - 1]),
+    );
     let batches = rows.clone();
     let left = if flipped("transA") {
         vec![0..a.shape[0], m.clone()]
@@ -235,7 +247,7 @@ fn product(case: &Case, worst: &[usize]) -> Option<Excerpt> {
 }
 
 /// One element of the batch and a few channels, for operators that treat them alike.
-fn leading(case: &Case, worst: &[usize]) -> Option<Excerpt> {
+fn leading(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     let node = &case.node;
     let operator = node.op_type.as_deref().unwrap_or_default();
     let y = case.found.first()?.as_ref()?;
@@ -260,7 +272,7 @@ fn leading(case: &Case, worst: &[usize]) -> Option<Excerpt> {
         return None;
     }
     let inner: usize = y.shape.iter().product();
-    let mut left = inner as f64 / (CHEAP / (cost(case) / inner as f64).max(1.0));
+    let mut left = inner as f64 / (products / (cost(case) / inner as f64).max(1.0));
     let mut ranges: Vec<Range<usize>> = Vec::new();
     for axis in 0..independent {
         let side = y.shape[axis];
@@ -307,4 +319,109 @@ fn resized(sizes: &TypedTensor, ranges: &[Range<usize>]) -> Option<TypedTensor> 
         *new.get_mut(axis)? = range.len() as i64;
     }
     Some(TypedTensor { shape: sizes.shape.clone(), elements: Elements::I64(new) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::audit::cases_for_tests::{case, given, list, numbers, output};
+    use crate::onnx::builder::{float, int, ints, text as string};
+
+    /// The first output of a part, cut to its window.
+    fn of_part(excerpt: &Excerpt) -> TypedTensor {
+        let y = output(&excerpt.case).expect("an output");
+        match &excerpt.window {
+            Some(window) => part(&y, window),
+            None => y,
+        }
+    }
+
+    #[test]
+    fn a_part_is_a_node_that_gives_its_part_of_the_whole() {
+        let window =
+            || vec![ints("pads", &[1, 0, 2, 1]), ints("strides", &[2, 1]), ints("dilations", &[1, 2])];
+        let channels = |name: &str| numbers(name, &[6]);
+        let cases = [
+            case(
+                "Conv",
+                vec![numbers("x", &[2, 4, 40, 31]), numbers("w", &[6, 4, 3, 2]), channels("b")],
+                window(),
+            ),
+            case("Conv", vec![numbers("x", &[1, 4, 40, 31]), numbers("w", &[6, 2, 3, 2])], {
+                let mut attributes = window();
+                attributes.push(int("group", 2));
+                attributes
+            }),
+            case(
+                "Conv",
+                vec![numbers("x", &[1, 2, 23, 24]), numbers("w", &[5, 2, 3, 3])],
+                vec![string("auto_pad", "SAME_UPPER"), ints("strides", &[2, 2])],
+            ),
+            case(
+                "ConvTranspose",
+                vec![numbers("x", &[2, 4, 24, 19]), numbers("w", &[4, 6, 3, 4]), channels("b")],
+                vec![ints("strides", &[2, 3]), ints("pads", &[1, 0, 0, 1]), ints("output_padding", &[1, 0])],
+            ),
+            case(
+                "AveragePool",
+                vec![numbers("x", &[2, 5, 40, 31])],
+                [window(), vec![ints("kernel_shape", &[3, 2]), int("ceil_mode", 1)]].concat(),
+            ),
+            case("MatMul", vec![numbers("a", &[3, 40, 12]), numbers("b", &[3, 12, 50])], vec![]),
+            case("MatMul", vec![numbers("a", &[3, 40, 12]), numbers("b", &[12, 50])], vec![]),
+            case(
+                "Gemm",
+                vec![numbers("a", &[12, 40]), numbers("b", &[50, 12]), numbers("c", &[50])],
+                vec![int("transA", 1), int("transB", 1), float("alpha", 0.5)],
+            ),
+            case(
+                "InstanceNormalization",
+                vec![numbers("x", &[3, 6, 9, 8]), channels("s"), channels("b")],
+                vec![],
+            ),
+            case(
+                "LayerNormalization",
+                vec![numbers("x", &[30, 40, 8]), numbers("s", &[8])],
+                vec![int("axis", -1)],
+            ),
+            case("Softmax", vec![numbers("x", &[30, 7, 8])], vec![int("axis", 1)]),
+            case("Add", vec![numbers("a", &[3, 1, 40, 20]), numbers("b", &[5, 1, 20])], vec![]),
+            case(
+                "Resize",
+                vec![numbers("x", &[2, 5, 9, 8]), None, given(&[1.0, 1.0, 2.0, 1.5])],
+                vec![string("mode", "linear")],
+            ),
+            case(
+                "Resize",
+                vec![numbers("x", &[2, 5, 9, 8]), None, None, list(&[2, 5, 20, 6])],
+                vec![string("mode", "linear")],
+            ),
+            case(
+                "GridSample",
+                vec![numbers("x", &[2, 5, 9, 8]), numbers("g", &[2, 12, 9, 2])],
+                vec![string("mode", "linear")],
+            ),
+        ];
+        for case in cases {
+            let y = case.found[0].as_ref().expect("an output");
+            let last: Vec<usize> = y.shape.iter().map(|side| side - 1).collect();
+            let middle: Vec<usize> = y.shape.iter().map(|side| side / 2).collect();
+            for worst in [vec![0; last.len()], middle, last] {
+                let parts = cut_to(&case, Some(&worst), 700.0);
+                assert!(!parts.is_empty(), "{} at {worst:?} is cut", case.name);
+                for excerpt in &parts {
+                    let found = excerpt.case.found[0].as_ref().expect("found");
+                    assert!(found.len() < y.len(), "{}: a part is smaller", case.name);
+                    assert_eq!(&of_part(excerpt), found, "{} at {worst:?}", case.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_cheap_node_is_tried_whole_and_a_dear_one_that_cannot_be_cut_is_not_tried() {
+        let sum = case("ReduceSum", vec![numbers("x", &[8, 9])], vec![]);
+        assert_eq!(excerpts(&sum, None).len(), 1, "cheap");
+        assert_eq!(cut_to(&sum, None, 10.0)[0].case, sum, "not to be cut, but not dear");
+    }
 }

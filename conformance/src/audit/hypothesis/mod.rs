@@ -204,3 +204,6 @@ const PARAMETERS: &[fn(&Trial) -> Vec<Parameter>] = &[
     constants::parameters,
     factor::parameters,
 ];
+
+#[cfg(test)]
+mod tests;

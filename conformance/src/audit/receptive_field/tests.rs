@@ -1,45 +1,10 @@
 //! What lies outside a field changes nothing, and what lies inside does.
 
 use super::*;
-use crate::audit::findings::rounded;
+use crate::audit::cases_for_tests::{case, given, list, numbers, output};
 use crate::onnx::builder::{float, int, ints, text as string};
 use crate::onnx::typed_tensor::Elements;
-use crate::onnx::walk;
 use crate::suite::audit_faults::scenes::drawn;
-use vitruvian_reference::nn::Rounded;
-
-fn numbers(name: &str, shape: &[usize]) -> Option<TypedTensor> {
-    TypedTensor::new(shape, Elements::F32(drawn(name, shape))).ok()
-}
-
-fn list(integers: &[i64]) -> Option<TypedTensor> {
-    TypedTensor::new(&[integers.len()], Elements::I64(integers.to_vec())).ok()
-}
-
-fn case(operator: &str, operands: Vec<Option<TypedTensor>>, attributes: Vec<AttributeProto>) -> Case {
-    let names = ["X", "W", "B", "C", "D"];
-    let input =
-        operands.iter().zip(names).map(|(o, name)| if o.is_some() { name.into() } else { String::new() });
-    let node = NodeProto {
-        input: input.collect(),
-        output: vec!["Y".into()],
-        op_type: Some(operator.into()),
-        attribute: attributes,
-        ..Default::default()
-    };
-    let mut case = Case { node, opset: 21, name: operator.into(), operands, found: vec![None] };
-    case.found = vec![outputs(&case)];
-    case
-}
-
-/// The first output, rounded to its type.
-fn outputs(case: &Case) -> Option<TypedTensor> {
-    let value = |operand: &Option<TypedTensor>| operand.as_ref().map(|o| Value::of(o).expect("a value"));
-    let operands: Vec<Option<Value<Rounded>>> = case.operands.iter().map(value).collect();
-    let operands: Vec<_> = operands.iter().map(Option::as_ref).collect();
-    let outputs = walk::evaluate(&case.node, case.opset, &operands).unwrap_or_else(|why| panic!("{why}"));
-    outputs[0].as_ref().and_then(rounded)
-}
 
 /// The case with every float inside the fields, or every one outside, replaced by other numbers.
 fn disturbed(case: &Case, fields: &[Option<Field>], inside: bool) -> Case {
@@ -138,11 +103,7 @@ fn nothing_outside_a_field_changes_its_element_and_something_inside_does() {
         ),
         case(
             "Resize",
-            vec![
-                numbers("x", &[1, 2, 7, 5]),
-                None,
-                TypedTensor::new(&[4], Elements::F32(vec![1.0, 1.0, 1.6, 0.7])).ok(),
-            ],
+            vec![numbers("x", &[1, 2, 7, 5]), None, given(&[1.0, 1.0, 1.6, 0.7])],
             vec![string("mode", "cubic"), float("cubic_coeff_a", -0.5)],
         ),
         case(
@@ -161,9 +122,9 @@ fn nothing_outside_a_field_changes_its_element_and_something_inside_does() {
         let operator = &case.name;
         for index in some_elements(&y.shape) {
             let fields = receptive_field(&case, 0, &index);
-            let outside = outputs(&disturbed(&case, &fields, false)).expect("an output");
+            let outside = output(&disturbed(&case, &fields, false)).expect("an output");
             assert_eq!(at(&outside, &index), at(&y, &index), "{operator} {index:?}: outside {fields:?}");
-            let inside = outputs(&disturbed(&case, &fields, true)).expect("an output");
+            let inside = output(&disturbed(&case, &fields, true)).expect("an output");
             // Softmax of what is moved together, and a linear mean of a symmetric window, may stay; none of these does.
             assert_ne!(at(&inside, &index), at(&y, &index), "{operator} {index:?}: inside {fields:?}");
         }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::scenes::{Scene, bytes, drawn, images, lists, maps, tokens, volumes};
+use super::scenes::{Scene, bytes, drawn, images, lists, maps, tokens, volumes, wide};
 use crate::array::Array;
 use crate::audit::party::{Held, Tensors};
 use crate::onnx::builder::{float, int, ints, text};
@@ -387,6 +387,17 @@ pub const FAULTS: &[Fault] = &[
     operand("BatchNormalization: variances in 2 decimals", "truncated-constant", (images, "n1"), 4, |v| {
         v.map(|v| ((f64::from(v) * 1e2).round_ties_even() / 1e2) as f32)
     }),
+    // Nodes of which a part is tried.
+    operand("wide Conv: kernel flipped", "kernel-flip", (wide, "c"), 1, |w| flipped(&flipped(&w, 2), 3)),
+    attributes("wide Conv: paddings before and after exchanged", "pads", (wide, "c"), || {
+        vec![ints("pads", &[1, 2, 1, 0])]
+    }),
+    operand("wide Conv: f16 weights", ELEVEN_BITS, (wide, "c"), 1, |w| w.map(as_f16)),
+    operand("wide Conv: weights × 1.000001", "scale", (wide, "c"), 1, |w| w.map(|w| w * 1.000_001)),
+    operand("wide ConvTranspose: kernel flipped", "kernel-flip", (wide, "up"), 1, |w| {
+        flipped(&flipped(&w, 2), 3)
+    }),
+    operand("wide MatMul: weights transposed", "weights-transposed", (wide, "m"), 1, |w| w.swap_axes(0, 1)),
     // Numbers that belong elsewhere.
     fault("Conv: another layer's output", "stale", (images, "c2"), Plant::Stale("c1")),
     operand("MatMul: another layer's operand", "stale", (tokens, "m3"), 0, |x| Array {

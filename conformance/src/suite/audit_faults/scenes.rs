@@ -25,6 +25,7 @@ pub const SCENES: &[(&str, fn() -> Scene)] = &[
     ("tokens", tokens),
     ("lists", lists),
     ("bytes", bytes),
+    ("wide", wide),
 ];
 
 /// Seed of all numbers in the scenes.
@@ -363,4 +364,30 @@ pub fn bytes() -> Scene {
         .output("y")
         .output("integer")
         .scene("bytes")
+}
+
+/// Nodes that are large enough for meanings to be tried on a part of them.
+pub fn wide() -> Scene {
+    Builder::new(20)
+        .input("x", &[1, 16, 44, 41])
+        .input("rows", &[190, 160])
+        .weight("w1", &[24, 16, 3, 3])
+        .list("b1", 24, |x| x)
+        .weight("w2", &[24, 12, 4, 4])
+        .weight("w3", &[160, 160])
+        .with(|graph| {
+            graph
+                .node("Conv", &["x", "w1", "b1"], &["c"], vec![ints("pads", &[1, 0, 1, 2])])
+                .node("Relu", &["c"], &["a"], vec![])
+                .node(
+                    "ConvTranspose",
+                    &["a", "w2"],
+                    &["up"],
+                    vec![ints("strides", &[2, 2]), ints("pads", &[1, 1, 1, 1])],
+                )
+                .node("MatMul", &["rows", "w3"], &["m"], vec![])
+        })
+        .output("up")
+        .output("m")
+        .scene("wide")
 }

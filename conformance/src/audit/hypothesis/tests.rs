@@ -1,0 +1,84 @@
+//! What is named, and what is not.
+
+use super::*;
+use crate::audit::cases_for_tests::{case, list, numbers, output};
+use crate::onnx::builder::{float, int, ints, text};
+use crate::onnx::message::AttributeProto;
+
+/// What is named when the node was computed with other attributes.
+fn misread(right: &Case, attributes: &[AttributeProto]) -> Option<Hypothesis> {
+    let wrong = Case { node: change::with_attributes(&right.node, attributes), ..right.clone() };
+    let case = Case { found: vec![output(&wrong)], ..right.clone() };
+    explain(&case, None, &BTreeMap::new())
+}
+
+fn name(hypothesis: Option<Hypothesis>) -> String {
+    hypothesis.map_or_else(|| "nothing".to_owned(), |hypothesis| hypothesis.name)
+}
+
+#[test]
+fn paddings_of_the_other_side_are_named_by_the_attribute_that_asks_for_them() {
+    let operands = || vec![numbers("x", &[2, 4, 9, 9]), numbers("w", &[4, 4, 2, 2])];
+    let lower = [text("auto_pad", "NOTSET"), ints("pads", &[1, 1, 0, 0])];
+    let same = case("Conv", operands(), vec![text("auto_pad", "SAME_UPPER"), ints("strides", &[2, 2])]);
+    assert_eq!(name(misread(&same, &lower)), "auto_pad", "asked for");
+    let given = case("Conv", operands(), vec![ints("pads", &[0, 0, 1, 1]), ints("strides", &[2, 2])]);
+    assert_eq!(name(misread(&given, &lower)), "pads", "given");
+}
+
+#[test]
+fn a_node_within_rounding_is_not_explained() {
+    let conv = case("Conv", vec![numbers("x", &[1, 4, 9, 9]), numbers("w", &[4, 4, 3, 3])], vec![]);
+    assert_eq!(explain(&conv, None, &BTreeMap::new()), None, "nothing is outside");
+    // Corners do not matter where all points are the centre.
+    let centre =
+        TypedTensor::new(&[1, 3, 3, 2], crate::onnx::typed_tensor::Elements::F32(vec![0.0; 18])).ok();
+    let sampled =
+        case("GridSample", vec![numbers("x", &[1, 2, 5, 5]), centre], vec![int("align_corners", 0)]);
+    assert_eq!(misread(&sampled, &[int("align_corners", 1)]), None, "a mistake that changes nothing");
+}
+
+#[test]
+fn the_closest_mistake_is_named_before_a_fitted_number() {
+    // With one channel an ε cannot be told from a factor of the scale; the attribute is the closer mistake.
+    let one = |name: &str| numbers(name, &[1]);
+    let right = case(
+        "InstanceNormalization",
+        vec![numbers("x", &[1, 1, 6, 6]), one("scale"), one("shift")],
+        vec![float("epsilon", 1e-5)],
+    );
+    assert_eq!(name(misread(&right, &[float("epsilon", 1e-3)])), "epsilon", "not a factor");
+    let fitted = misread(&right, &[float("epsilon", 0.037)]).expect("a hypothesis");
+    assert_eq!(fitted.name, "epsilon", "a value that nobody lists");
+    assert!(fitted.detail.contains("3.7e-2 explains"), "{}", fitted.detail);
+}
+
+#[test]
+fn what_no_mistake_makes_has_no_name() {
+    let right = case("ReduceSum", vec![numbers("x", &[64, 9]), list(&[1])], vec![]);
+    let mut case = right.clone();
+    // Right and wrong in turn, each wrong one by another amount.
+    let found = case.found[0].as_mut().expect("an output");
+    if let crate::onnx::typed_tensor::Elements::F32(values) = &mut found.elements {
+        for (i, y) in values.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
+            *y += ((i * i) as f32).sin();
+        }
+    }
+    assert_eq!(explain(&case, None, &BTreeMap::new()), None, "noise has no cause");
+}
+
+#[test]
+fn numbers_of_another_tensor_are_found_among_the_others() {
+    let right = case("Mul", vec![numbers("x", &[4, 9]), numbers("w", &[4, 9])], vec![]);
+    let other = numbers("another", &[4, 9]).expect("a tensor");
+    let others = BTreeMap::from([("earlier".to_owned(), Arc::new(other.clone()))]);
+    let case = Case { found: vec![Some(other.clone())], ..right.clone() };
+    let hypothesis = explain(&case, None, &others).expect("a hypothesis");
+    assert_eq!(hypothesis.name, "stale", "{}", hypothesis.detail);
+    assert!(hypothesis.detail.contains("\"earlier\", bit for bit"), "{}", hypothesis.detail);
+    let read = Case { operands: vec![Some(other), right.operands[1].clone()], ..right.clone() };
+    let case = Case { found: vec![output(&read)], ..right };
+    let hypothesis = explain(&case, None, &others).expect("a hypothesis");
+    assert_eq!(hypothesis.name, "stale", "{}", hypothesis.detail);
+    assert!(hypothesis.detail.contains("\"earlier\" for operand 0"), "{}", hypothesis.detail);
+}
