@@ -8,7 +8,7 @@ pub fn number(x: f64) -> String {
     }
     match size {
         0.0 => "0".into(),
-        _ if size >= 1e5 || size < 1e-3 => format!("{x:.1e}"),
+        _ if !(1e-3..1e5).contains(&size) => format!("{x:.1e}"),
         _ if size >= 99.95 => format!("{x:.0}"),
         _ if size >= 9.995 => format!("{x:.1}"),
         _ if size >= 0.9995 => format!("{x:.2}"),

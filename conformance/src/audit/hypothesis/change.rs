@@ -105,7 +105,7 @@ pub fn operand(
 pub fn numbers(place: usize, change: impl Fn(f64) -> f64 + Send + Sync + 'static) -> Meaning {
     operand(place, move |old| {
         let element = old.element;
-        Some(changed(old, |x| element.round(change(x.value)))?)
+        changed(old, |x| element.round(change(x.value)))
     })
 }
 

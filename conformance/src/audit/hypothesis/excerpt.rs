@@ -216,7 +216,7 @@ fn product(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     let left = if flipped("transA") {
         vec![0..a.shape[0], m.clone()]
     } else {
-        [&batches[..], &[m.clone()]].concat()
+        [&batches[..], std::slice::from_ref(&m)].concat()
     };
     let own = b.shape.iter().zip(&batches).map(|(&side, range)| if side == 1 { 0..1 } else { range.clone() });
     let right: Vec<Range<usize>> = match b.shape.len() {

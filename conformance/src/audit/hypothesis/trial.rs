@@ -48,7 +48,7 @@ impl<'a> Trial<'a> {
             };
             let (grade, csu) = judge_as(&excerpt.case, &windowed).ok()?;
             worst = (worst.0.max(grade), worst.1.max(csu));
-            if grade == Grade::G3 && !(csu < self.csu) {
+            if grade == Grade::G3 && (csu.is_nan() || csu >= self.csu) {
                 break;
             }
         }

@@ -259,7 +259,7 @@ impl Subject<'_> {
     fn cost(&self, rows: &[Row], group: &Priced, whole: &Displacement) -> Cost {
         let members = &rows[group.rows.clone()];
         let names = |flow: &Flow, places: &dyn Fn(&Row) -> &Vec<usize>| -> Vec<String> {
-            let all: BTreeSet<usize> = members.iter().flat_map(|row| places(row)).copied().collect();
+            let all: BTreeSet<usize> = members.iter().flat_map(places).copied().collect();
             all.into_iter().map(|place| flow.node_name(place)).collect()
         };
         let base_places: BTreeSet<usize> = members.iter().flat_map(|row| &row.base_places).copied().collect();

@@ -227,7 +227,7 @@ fn distance(a: &Array, b: &Array) -> f64 {
     }
     // A step that shares no factor with the usual sides.
     let count = a.values.len();
-    let step = if count <= SAMPLES { 1 } else { count / SAMPLES | 1 };
+    let step = if count <= SAMPLES { 1 } else { (count / SAMPLES) | 1 };
     let (mut apart, mut size_a, mut size_b) = (0.0_f64, 0.0_f64, 0.0_f64);
     for place in (0..count).step_by(step) {
         let (x, y) = (f64::from(a.values[place]), f64::from(b.values[place]));

@@ -45,6 +45,7 @@ pub struct Setup {
 }
 
 /// What makes the ruler's outputs of the graph's own.
+#[expect(clippy::large_enum_variant, reason = "there is one for each graph")]
 enum After {
     /// Nothing.
     Nothing,
@@ -346,11 +347,12 @@ impl Setup {
     /// Outputs that are bodies by their names and shapes, without a contract.
     fn guess(&mut self, options: &Options) {
         let has = |name: &str| self.outputs.contains_key(name);
-        if has("vertices") && has("joints") {
-            if let Ok(faces) = faces(options.body.as_ref()) {
-                self.notes.push("outputs \"vertices\" and \"joints\" were taken for bodies in metres".into());
-                self.meaning = Meaning::Body(Source::Points { faces });
-            }
+        if has("vertices")
+            && has("joints")
+            && let Ok(faces) = faces(options.body.as_ref())
+        {
+            self.notes.push("outputs \"vertices\" and \"joints\" were taken for bodies in metres".into());
+            self.meaning = Meaning::Body(Source::Points { faces });
         }
     }
 }
