@@ -53,6 +53,15 @@ pub struct Settings {
     pub threads: usize,
 }
 
+/// What is done about the rewriting of a graph beside its level.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rewriting<'a> {
+    /// Optimisers that are left out, by ONNX Runtime's names; names that it does not know are passed over.
+    pub without: &'a [&'a str],
+    /// Where the rewritten graph is written.
+    pub saved: Option<&'a Path>,
+}
+
 /// One side of a tensor as a graph declares it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Dimension {
@@ -284,7 +293,7 @@ impl Session {
             return Err(refusal(path, "it is a folder; name the .onnx file"));
         }
         check_size(path, about.len())?;
-        Self::commit(path, settings, |builder| builder.commit_from_file(path))
+        Self::commit(path, settings, Rewriting::default(), |builder| builder.commit_from_file(path))
     }
 
     /// Loads a graph from the bytes of an ONNX file; `name` stands for its path in messages.
@@ -292,16 +301,30 @@ impl Session {
     /// # Errors
     /// As [`Session::load`].
     pub fn from_bytes(name: impl AsRef<Path>, bytes: &[u8], settings: &Settings) -> Result<Session> {
+        Self::rewritten(name, bytes, settings, Rewriting::default())
+    }
+
+    /// As [`Session::from_bytes`], with a say in how the graph is rewritten.
+    ///
+    /// # Errors
+    /// As [`Session::load`], and when the rewritten graph cannot be written.
+    pub fn rewritten(
+        name: impl AsRef<Path>,
+        bytes: &[u8],
+        settings: &Settings,
+        rewriting: Rewriting,
+    ) -> Result<Session> {
         check_size(name.as_ref(), bytes.len() as u64)?;
-        Self::commit(name.as_ref(), settings, |builder| builder.commit_from_memory(bytes))
+        Self::commit(name.as_ref(), settings, rewriting, |builder| builder.commit_from_memory(bytes))
     }
 
     fn commit(
         path: &Path,
         settings: &Settings,
+        rewriting: Rewriting,
         load: impl FnOnce(&mut SessionBuilder) -> ort::Result<ort::session::Session>,
     ) -> Result<Session> {
-        let mut builder = configure(library::environment()?, settings).map_err(|error| {
+        let mut builder = configure(library::environment()?, settings, rewriting).map_err(|error| {
             refusal(path, &format!("ONNX Runtime takes no settings ({})", first_line(error.message())))
         })?;
         let session = load(&mut builder).map_err(|error| {
@@ -499,7 +522,11 @@ fn first_line(message: &str) -> String {
     message.lines().next().unwrap_or_default().trim().to_string()
 }
 
-fn configure(environment: &Environment, settings: &Settings) -> ort::Result<SessionBuilder> {
+fn configure(
+    environment: &Environment,
+    settings: &Settings,
+    rewriting: Rewriting,
+) -> ort::Result<SessionBuilder> {
     let level = match settings.optimization {
         Optimization::Disabled => GraphOptimizationLevel::Disable,
         Optimization::Basic => GraphOptimizationLevel::Level1,
@@ -507,7 +534,15 @@ fn configure(environment: &Environment, settings: &Settings) -> ort::Result<Sess
         Optimization::All => GraphOptimizationLevel::All,
     };
     let cpu = ort::ep::CPU::default().with_arena_allocator(false).build();
-    Ok(ort::session::Session::builder(environment)?
+    let mut builder = ort::session::Session::builder(environment)?;
+    if !rewriting.without.is_empty() {
+        let names = rewriting.without.join(";");
+        builder = builder.with_config_entry("optimization.disable_specified_optimizers", names)?;
+    }
+    if let Some(path) = rewriting.saved {
+        builder = builder.with_optimized_model_path(path)?;
+    }
+    Ok(builder
         .with_optimization_level(level)?
         .with_intra_threads(settings.threads)?
         // Threads that wait by spinning take the core from whatever else runs.
@@ -624,6 +659,29 @@ mod tests {
         assert!(complaint(&[a(), a()], &["sum"]).contains("given twice"));
         assert!(complaint(&[("c", (&good).into())], &["sum"]).contains("it has \"a\", \"b\", \"index\""));
         assert!(complaint(&[a(), ("b", (&good).into()), i()], &["total"]).contains("output \"total\""));
+    }
+
+    #[test]
+    fn a_rewritten_graph_is_written_and_an_optimiser_can_be_left_out() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let written = |without: &[&str], name: &str| {
+            let path = folder.path().join(name);
+            let settings = Settings { optimization: Optimization::Basic, threads: 1 };
+            let rewriting = Rewriting { without, saved: Some(&path) };
+            Session::rewritten("turn.onnx", &turned(), &settings, rewriting).expect("a graph");
+            std::fs::read(path).expect("a rewritten graph").len()
+        };
+        assert!(written(&[], "less.onnx") < written(&["EliminateIdentity", "NoSuchPass"], "more.onnx"));
+    }
+
+    /// y = −(the same as x).
+    fn turned() -> Vec<u8> {
+        GraphBuilder::default()
+            .input("x", Element::F32, &[Side::Fixed(2)])
+            .node("Identity", &["x"], &["the_same_as_x"], &[])
+            .node("Neg", &["the_same_as_x"], &["y"], &[])
+            .output("y", Element::F32, &[Side::Fixed(2)])
+            .to_bytes()
     }
 
     #[test]

@@ -225,8 +225,10 @@ fn html(report: &DiffReport) -> String {
     let title = format!("{} against {}", plain(&report.variant.path), plain(&report.base.path));
     let rows = report.attribution.iter().flat_map(|attribution| &attribution.costs).map(cells);
     let table = json!({ "title": "What the nodes cost", "head": COSTS, "rows": rows.collect::<Vec<_>>() });
+    // A graph with a camera answers in the camera's axes.
+    let is_seen = matches!(&report.geometry, Geometry::Body(body) if body.reprojection_px.is_some());
     let surfaces = report.view.iter().map(|view| {
-        json!({ "title": view.title, "vertices": view.vertices, "faces": view.faces, "millimetres": view.millimetres })
+        json!({ "title": view.title, "y_down": is_seen, "vertices": view.vertices, "faces": view.faces, "millimetres": view.millimetres })
     });
     let mut sentences = measured(report);
     sentences.extend(report.notes.iter().map(|note| format!("Note: {}", plain(note))));

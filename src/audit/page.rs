@@ -2,7 +2,6 @@
 
 mod drawing;
 
-use serde::Serialize;
 use serde_json::{Value, json};
 use vitruvian_conformance::audit::report::Audit;
 
@@ -21,19 +20,6 @@ const SCRIPTS: [&str; 7] = [
     include_str!("page/page.js"),
 ];
 
-/// A mesh with an error at every vertex, for the page's view in 3-D.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Surface {
-    /// What the list of surfaces calls it.
-    pub name: String,
-    /// x, y, z of each vertex, metres, y upwards.
-    pub vertices: Vec<[f32; 3]>,
-    /// Vertices of each triangle.
-    pub faces: Vec<[u32; 3]>,
-    /// Error at each vertex, millimetres.
-    pub millimetres: Vec<f32>,
-}
-
 /// The page of a certificate.
 pub fn certificate(audit: &Audit) -> String {
     let title = format!("{} · {}", plain(&audit.graph.path), audit.verdict);
@@ -48,7 +34,9 @@ pub fn certificate(audit: &Audit) -> String {
     )
 }
 
-/// A page that shows what `data` has: `title` and `facts` (name and value), `audit` with `answers` and `drawing`, `surfaces`, `tables`.
+/// A page that shows what `data` has: `title` and `facts` (pairs of name and value), `answers`; `audit` with its `drawing`; `tables`
+/// (`title`, `head`, `rows`); `surfaces`, each with a `title`, `vertices` (metres), `faces`, `millimetres` at each vertex, and `y_down`
+/// where y points downwards.
 pub fn page(title: &str, data: &Value) -> String {
     // One pass over the frame: what is put in is not looked at again.
     let parts = [

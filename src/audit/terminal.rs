@@ -34,7 +34,8 @@ impl Look {
 /// The whole text.
 pub fn text(audit: &Audit, look: Look) -> String {
     let [outside, start, body] = answers::answers(audit);
-    let mut parts = vec![head(audit), section(&outside, look), nodes(audit, look), section(&start, look)];
+    let mut parts =
+        vec![head(audit, look), section(&outside, look), nodes(audit, look), section(&start, look)];
     if let Some(first) = &audit.first_outside {
         parts.extend(bullets("Worst elements", &answers::worst(first), look));
     }
@@ -44,18 +45,18 @@ pub fn text(audit: &Audit, look: Look) -> String {
     parts.join("\n\n")
 }
 
-fn head(audit: &Audit) -> String {
+fn head(audit: &Audit, look: Look) -> String {
     let graph = &audit.graph;
     let verdict = graded(audit.verdict).bold().apply_to(words(audit.verdict));
-    format!(
-        "{}: {verdict}\nopset {}, written by {}; second party: {}; inputs: {}; {:.1} s",
-        plain(&graph.path),
+    let facts = format!(
+        "opset {}, written by {}; second party: {}; inputs: {}; {:.1} s",
         graph.opset,
         if graph.producer.is_empty() { "an unnamed program".into() } else { plain(&graph.producer) },
         plain(&audit.runtime),
         plain(&audit.inputs),
         audit.seconds
-    )
+    );
+    format!("{}: {verdict}\n{}", plain(&graph.path), wrapped(&facts, "", look))
 }
 
 /// A grade with its meaning.

@@ -9,10 +9,11 @@
 //! | [`report`] | what an audit found, as data |
 //! | [`party`] | who computed: [`onnx_runtime`] runs the graph, [`dump`] reads what another engine left |
 //! | [`case`] | one node with its operands and outputs |
-//! | [`judge`] | the certificate of one node |
+//! | [`judge`](mod@judge) | the certificate of one node |
 //! | [`region`] | a box of a tensor; large nodes are judged box by box, or by a stated sample of boxes |
 //! | [`hypothesis`] | which mistake explains the numbers of a node that is outside rounding |
 //! | [`receptive_field`], [`source`], [`reproduction`] | what else is told about that node |
+//! | [`shipped`], [`passes`] | the session as shipped, and which optimiser changes what |
 //! | [`precision`], [`measure`], [`slope`] | the grade of an element, of a tensor, of what all its elements share |
 //!
 //! # What if the second party lacks a tensor?
@@ -38,6 +39,7 @@ pub mod measure;
 mod node;
 pub mod onnx_runtime;
 pub mod party;
+pub mod passes;
 pub mod precision;
 mod reading;
 pub mod receptive_field;
@@ -48,6 +50,7 @@ mod retype;
 mod same_order;
 mod sample;
 mod segment;
+pub mod shipped;
 pub mod slope;
 pub mod source;
 pub mod variant;
@@ -134,6 +137,11 @@ pub fn audit(
         scene.blame(outside, options, &party.describe())?;
     }
     let coverage = findings.coverage(party.unmatched());
+    let shipped = party.ships().and_then(|threads| {
+        shipped::shipped(model, inputs, threads, &findings.nodes)
+            .map_err(|why| findings.notes.push(format!("the session as shipped was not audited: {why}")))
+            .ok()
+    });
     Ok(Audit {
         schema: SCHEMA.to_owned(),
         verdict: findings.verdict(),
@@ -151,7 +159,7 @@ pub fn audit(
         nodes: findings.nodes,
         coverage,
         outputs: chain.outputs(),
-        shipped: None,
+        shipped,
         seconds: begin.elapsed().as_secs_f64(),
     })
 }

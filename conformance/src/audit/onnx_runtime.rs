@@ -40,6 +40,10 @@ impl Party for OnnxRuntime {
         true
     }
 
+    fn ships(&self) -> Option<usize> {
+        Some(self.threads)
+    }
+
     fn segment(&mut self, model: &Model, first: usize, held: &Tensors) -> Result<Segment> {
         library::environment()?;
         let mut count = segment::reach(model, first, held, self.memory).min(self.nodes);

@@ -78,6 +78,11 @@ pub trait Party {
         false
     }
 
+    /// Threads of the session that also runs the graph as shipped, if it is one.
+    fn ships(&self) -> Option<usize> {
+        None
+    }
+
     /// Tensors that it has and the graph does not.
     fn unmatched(&self) -> Vec<String> {
         Vec::new()

@@ -308,6 +308,23 @@ pub struct ShippedReport {
     pub nodes: (usize, usize),
     /// The tensors that survive, and the outputs.
     pub tensors: Vec<ShippedTensor>,
+    /// Operators of the optimised graph that are not ONNX's own.
+    #[serde(default)]
+    pub operators: Vec<ForeignOperator>,
+    /// What a reader should know beside the numbers.
+    #[serde(default)]
+    pub notes: Vec<String>,
+}
+
+/// An operator that an optimiser put in, in ONNX's words.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ForeignOperator {
+    /// Its domain and name.
+    pub op: String,
+    /// How many nodes.
+    pub count: usize,
+    /// What it stands for; absent where that is not known.
+    pub meaning: Option<String>,
 }
 
 /// One tensor of the shipped session.
@@ -323,4 +340,40 @@ pub struct ShippedTensor {
     pub verdict: Grade,
     /// The lowest optimisation level at which it changes.
     pub changed_at: Option<String>,
+    /// Why there is no verdict.
+    #[serde(default)]
+    pub why: Option<String>,
+}
+
+/// Which optimisers change a graph's outputs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PassesReport {
+    /// The optimisation level.
+    pub level: String,
+    /// Outputs that differ from those of the session without optimisation.
+    pub changed: Vec<ChangedOutput>,
+    /// Optimisers that change an output by themselves, or that do so only together.
+    pub passes: Vec<PassReport>,
+    /// Sessions that it took.
+    pub sessions: usize,
+    /// What a reader should know beside the numbers.
+    pub notes: Vec<String>,
+}
+
+/// One optimiser that changes outputs, or several that do so only together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PassReport {
+    /// Their names in ONNX Runtime.
+    pub names: Vec<String>,
+    /// What they change, compared with the session without optimisation.
+    pub outputs: Vec<ChangedOutput>,
+}
+
+/// An output that is not bit-identical.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ChangedOutput {
+    /// Its name.
+    pub name: String,
+    /// Its largest absolute difference; absent when it is not finite, as where a shape or a NaN differs.
+    pub abs_max: Option<f64>,
 }

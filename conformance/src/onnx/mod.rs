@@ -15,7 +15,7 @@
 //! | [`value`] | what a tensor of a graph holds |
 //! | [`walk`] | the operators by the reference |
 //! | [`builder`] | graphs built in memory, to run one operator alone |
-//! | [`write`] | nodes and constants as a file of their own |
+//! | [`write`](mod@write) | nodes and constants as a file of their own |
 //! | [`expose`] | the same file with every intermediate tensor as an output |
 
 pub mod attributes;

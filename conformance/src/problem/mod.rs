@@ -7,10 +7,11 @@
 //! | file | operators |
 //! |---|---|
 //! | [`convolution`] | Conv in 1-D, 2-D and 3-D, ConvTranspose in 2-D and 3-D |
-//! | [`grid_sample`] | GridSample in 2-D and 3-D |
+//! | [`grid_sample`] | GridSample in 2-D and 3-D, in every mode |
 //! | [`normalization`] | BatchNormalization, GroupNormalization, InstanceNormalization, LayerNormalization, LpNormalization |
 //! | [`axis`] | Softmax, LogSoftmax, Hardmax, ArgMax, ArgMin, CumSum |
-//! | [`pooling`] | MaxPool in 2-D and 3-D, AveragePool, GlobalAveragePool, the reductions |
+//! | [`resampling`] | Resize in 1-D to 3-D, Pad, DepthToSpace, LRN, Conv with `auto_pad` |
+//! | [`pooling`] | MaxPool, AveragePool and LpPool in 2-D and 3-D, the same of whole images, the reductions |
 //! | [`elementwise`] | arithmetic, activations, powers and transcendental functions |
 //! | [`choice`] | comparisons, Where, ScatterND, ScatterElements |
 //! | [`matrix_product`] | Gemm, MatMul, Einsum |
@@ -39,6 +40,7 @@ pub mod matrix_product;
 pub mod movement;
 pub mod normalization;
 pub mod pooling;
+pub mod resampling;
 pub mod values;
 
 /// The version of ONNX's operators that the problems are written in: that of the exported networks.

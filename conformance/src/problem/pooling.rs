@@ -10,6 +10,37 @@ use crate::onnx::builder::{int, ints};
 /// Kernel, stride, what the paddings are drawn from, and pixels beyond the kernel.
 type Axis = (usize, usize, [usize; 2], usize);
 
+/// Windows whose taps lie apart and whose last may hang over the end.
+pub fn dilated_pool(operator: &'static str, spatial: usize) -> impl Strategy<Value = Problem> {
+    let axis = (1..=3_usize, 1..=3_usize, 1..=3_usize, any::<[usize; 2]>(), 0..=9_usize);
+    let axes = prop::collection::vec(axis, spatial);
+    (1..=3_usize, axes, any::<[bool; 2]>(), any::<Values>()).prop_map(
+        move |(channels, axes, [ceil, include_pad], x)| {
+            let all = |of: fn(&(usize, usize, usize, [usize; 2], usize)) -> usize| {
+                axes.iter().map(of).collect::<Vec<_>>()
+            };
+            let extent = |axis: &(usize, usize, usize, [usize; 2], usize)| (axis.0 - 1) * axis.2 + 1;
+            let size = axes.iter().map(|axis| extent(axis) + axis.4).collect();
+            // Paddings of less than a kernel, as ONNX Runtime asks for.
+            let pads = [all(|axis| axis.3[0] % axis.0), all(|axis| axis.3[1] % axis.0)].concat();
+            let mut attributes = vec![
+                ints("kernel_shape", &all(|axis| axis.0)),
+                ints("strides", &all(|axis| axis.1)),
+                ints("dilations", &all(|axis| axis.2)),
+                ints("pads", &pads),
+                int("ceil_mode", ceil.into()),
+            ];
+            match operator {
+                "AveragePool" => attributes.push(int("count_include_pad", include_pad.into())),
+                "LpPool" => attributes.push(int("p", 1 + i64::from(include_pad))),
+                _ => (),
+            }
+            let operands = vec![Operand::Input(x.fill(&[vec![1, channels], size].concat()))];
+            Problem { operator, attributes, operands }
+        },
+    )
+}
+
 /// x [N,C,…]: the largest of each window, with this many spatial axes.
 pub fn max_pool(spatial: usize) -> impl Strategy<Value = Problem> {
     let extra = if spatial == 2 { 0..=12_usize } else { 0..=5 };
@@ -43,13 +74,15 @@ pub fn average_pool() -> impl Strategy<Value = Problem> {
     })
 }
 
-/// x [N,C,…]: the mean of each image.
-pub fn global_average_pool() -> impl Strategy<Value = Problem> {
+/// x [N,C,…]: the mean, the largest or the length of each image.
+pub fn global_pool(operator: &'static str) -> impl Strategy<Value = Problem> {
     let sides = prop::collection::vec(1..=9_usize, 1..=3);
-    (1..=2_usize, 1..=20_usize, sides, any::<Values>()).prop_map(|(samples, channels, sides, x)| Problem {
-        operator: "GlobalAveragePool",
-        attributes: vec![],
-        operands: vec![Operand::Input(x.fill(&[vec![samples, channels], sides].concat()))],
+    (1..=2_usize, 1..=20_usize, sides, any::<Values>()).prop_map(move |(samples, channels, sides, x)| {
+        Problem {
+            operator,
+            attributes: vec![],
+            operands: vec![Operand::Input(x.fill(&[vec![samples, channels], sides].concat()))],
+        }
     })
 }
 

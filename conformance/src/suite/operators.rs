@@ -11,6 +11,7 @@ use crate::engine::OPTIMIZATIONS;
 use crate::problem::Problem;
 use crate::problem::{
     axis, choice, convolution, elementwise, grid_sample, matrix_product, movement, normalization, pooling,
+    resampling,
 };
 
 /// How many random problems, and which.
@@ -182,12 +183,12 @@ pub const JUDGES: &[Judge] = &[
     Judge {
         name: "GridSample 2-D",
         operator: "GridSample",
-        run: |name, draw| judge(name, &grid_sample::grid_sample(2), draw),
+        run: |name, draw| judge(name, &grid_sample::grid_sample(2, "linear"), draw),
     },
     Judge {
         name: "GridSample 3-D",
         operator: "GridSample",
-        run: |name, draw| judge(name, &grid_sample::grid_sample(3), draw),
+        run: |name, draw| judge(name, &grid_sample::grid_sample(3, "linear"), draw),
     },
     Judge {
         name: "BatchNormalization",
@@ -274,7 +275,7 @@ pub const JUDGES: &[Judge] = &[
     Judge {
         name: "GlobalAveragePool",
         operator: "GlobalAveragePool",
-        run: |name, draw| judge(name, &pooling::global_average_pool(), draw),
+        run: |name, draw| judge(name, &pooling::global_pool("GlobalAveragePool"), draw),
     },
     Judge {
         name: "Einsum",
@@ -549,5 +550,111 @@ pub const JUDGES: &[Judge] = &[
         name: "LpNormalization",
         operator: "LpNormalization",
         run: |name, draw| judge(name, &normalization::lp_norm(), draw),
+    },
+    Judge {
+        name: "GridSample 2-D nearest",
+        operator: "GridSample",
+        run: |name, draw| judge(name, &grid_sample::grid_sample(2, "nearest"), draw),
+    },
+    Judge {
+        name: "GridSample 3-D nearest",
+        operator: "GridSample",
+        run: |name, draw| judge(name, &grid_sample::grid_sample(3, "nearest"), draw),
+    },
+    Judge {
+        name: "GridSample 2-D cubic",
+        operator: "GridSample",
+        run: |name, draw| judge(name, &grid_sample::grid_sample(2, "cubic"), draw),
+    },
+    Judge {
+        name: "Resize 1-D nearest",
+        operator: "Resize",
+        run: |name, draw| judge(name, &resampling::resize(1, "nearest"), draw),
+    },
+    Judge {
+        name: "Resize 1-D linear",
+        operator: "Resize",
+        run: |name, draw| judge(name, &resampling::resize(1, "linear"), draw),
+    },
+    Judge {
+        name: "Resize 2-D nearest",
+        operator: "Resize",
+        run: |name, draw| judge(name, &resampling::resize(2, "nearest"), draw),
+    },
+    Judge {
+        name: "Resize 2-D linear",
+        operator: "Resize",
+        run: |name, draw| judge(name, &resampling::resize(2, "linear"), draw),
+    },
+    Judge {
+        name: "Resize 3-D nearest",
+        operator: "Resize",
+        run: |name, draw| judge(name, &resampling::resize(3, "nearest"), draw),
+    },
+    Judge {
+        name: "Resize 3-D linear",
+        operator: "Resize",
+        run: |name, draw| judge(name, &resampling::resize(3, "linear"), draw),
+    },
+    Judge {
+        name: "Resize 2-D cubic",
+        operator: "Resize",
+        run: |name, draw| judge(name, &resampling::resize(2, "cubic"), draw),
+    },
+    Judge {
+        name: "MaxPool 2-D with dilation",
+        operator: "MaxPool",
+        run: |name, draw| judge(name, &pooling::dilated_pool("MaxPool", 2), draw),
+    },
+    Judge {
+        name: "MaxPool 3-D with dilation",
+        operator: "MaxPool",
+        run: |name, draw| judge(name, &pooling::dilated_pool("MaxPool", 3), draw),
+    },
+    Judge {
+        name: "AveragePool 2-D with dilation",
+        operator: "AveragePool",
+        run: |name, draw| judge(name, &pooling::dilated_pool("AveragePool", 2), draw),
+    },
+    Judge {
+        name: "AveragePool 3-D with dilation",
+        operator: "AveragePool",
+        run: |name, draw| judge(name, &pooling::dilated_pool("AveragePool", 3), draw),
+    },
+    Judge {
+        name: "LpPool 2-D with dilation",
+        operator: "LpPool",
+        run: |name, draw| judge(name, &pooling::dilated_pool("LpPool", 2), draw),
+    },
+    Judge {
+        name: "LpPool 3-D with dilation",
+        operator: "LpPool",
+        run: |name, draw| judge(name, &pooling::dilated_pool("LpPool", 3), draw),
+    },
+    Judge {
+        name: "GlobalMaxPool",
+        operator: "GlobalMaxPool",
+        run: |name, draw| judge(name, &pooling::global_pool("GlobalMaxPool"), draw),
+    },
+    Judge {
+        name: "GlobalLpPool",
+        operator: "GlobalLpPool",
+        run: |name, draw| judge(name, &pooling::global_pool("GlobalLpPool"), draw),
+    },
+    Judge { name: "Pad", operator: "Pad", run: |name, draw| judge(name, &resampling::pad(), draw) },
+    Judge {
+        name: "DepthToSpace",
+        operator: "DepthToSpace",
+        run: |name, draw| judge(name, &resampling::depth_to_space(), draw),
+    },
+    Judge {
+        name: "LRN",
+        operator: "LRN",
+        run: |name, draw| judge(name, &resampling::local_response(), draw),
+    },
+    Judge {
+        name: "Conv with auto_pad",
+        operator: "Conv",
+        run: |name, draw| judge(name, &resampling::same_convolution(), draw),
     },
 ];

@@ -57,8 +57,10 @@ pub fn hard_swish<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
 }
 
 /// x/(1 + |x|).
+///
+/// Rounding: the sum, and the quotient or the product with a rounded reciprocal, as ONNX Runtime has it.
 pub fn softsign<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
-    x.map(|x| x / (T::exact(1.0) + x.maximum(-x)))
+    x.map(|x| x * (T::exact(1.0) / (T::exact(1.0) + x.maximum(-x))))
 }
 
 /// x·sigmoid(αx): SiLU for α = 1.

@@ -79,6 +79,7 @@ fn dft_line<T: Scalar>(x: &[Complex<T>], Fourier { length: n, inverse, onesided 
     let given = x.iter().fold(0.0_f64, |most, (re, im)| most.max(re.terms()).max(im.terms()));
     // 4 of a factor, one of its product, and 2N additions.
     let terms = given + 5.0 + 2.0 * n as f64;
+    let size: f64 = x.iter().map(|(re, im)| re.magnitude() + im.magnitude()).sum();
     let mut y = Vec::with_capacity(2 * outputs);
     for k in 0..outputs {
         let mut sum = (T::ZERO, T::ZERO);
@@ -102,7 +103,11 @@ fn dft_line<T: Scalar>(x: &[Complex<T>], Fourier { length: n, inverse, onesided 
             false => sum,
         };
         sum = (spread(sum.0), spread(sum.1));
-        let scaled = |x: T| if inverse { x / T::exact(n as f64) } else { x };
+        let scaled = |sum: T| {
+            // Each of the 2N products and additions counts, whatever of them vanishes here.
+            let sum = T::within(sum.value(), size, sum.terms().max((2 * n + 4) as f64));
+            if inverse { sum / T::exact(n as f64) } else { sum }
+        };
         y.push(scaled(sum.0));
         if !(inverse && onesided) {
             y.push(scaled(sum.1));
@@ -111,7 +116,7 @@ fn dft_line<T: Scalar>(x: &[Complex<T>], Fourier { length: n, inverse, onesided 
     y
 }
 
-/// The transforms of the pieces of a signal [N,L,1|2] that start every `step` elements, each multiplied by a window \[W\] → [N,F,K,2].
+/// The transforms of the pieces of a signal [N,L,1|2] that start every `step` elements, each multiplied by a window \[W\] → \[N,F,K,2\].
 ///
 /// F = 1 + ⌊(L − W)/step⌋ whole pieces fit; K = W, or ⌊W/2⌋ + 1 for a half.
 ///

@@ -30,11 +30,11 @@
 //! near the middle of a large image keep few digits of f. That moves y by the local slope times as much. y is
 //! continuous and piecewise linear along an axis, so the slope is at most the largest difference of neighbouring pixels
 //! about the point; the 4^d pixels around the cell are searched, since the error may carry the point over a cell's border.
-//! Cubic: see [`interpolation`](super::interpolation). Nearest: nothing is rounded, but a point within its rounding of the
-//! middle between two pixels may fall to either: [`grid_sample_alternatives`].
+//! Cubic: see `interpolation`. Nearest: nothing is rounded, but a point within its rounding of the
+//! middle between two pixels may fall to either: sample again with the grid moved by as much.
 
 use super::interpolation::{Kernel, Stencil};
-use super::{Rounded, Scalar, Tensor, gamma};
+use super::{Scalar, Tensor};
 
 /// What is made of the pixels around a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,59 +77,6 @@ pub struct GridSample {
 /// # References
 /// ONNX operator GridSample (versions 16, 20 and 22); PyTorch's grid_sample.
 pub fn grid_sample<T: Scalar>(x: &Tensor<T>, grid: &Tensor<T>, params: GridSample) -> Tensor<T> {
-    sampled(x, grid, params, &[])
-}
-
-/// What [`grid_sample`] may also give where a point lies within its rounding of a decision: of the nearest pixel, or of the end
-/// beyond which a cubic blend moves it to the border.
-///
-/// Each element of an implementation with this unit roundoff is right if it is that of one of these tensors, or of
-/// [`grid_sample`]. There is one tensor for each way in which the axes can fall, and none where no point is undecided.
-///
-/// # Panics
-/// As [`grid_sample`].
-pub fn grid_sample_alternatives<T: Scalar>(
-    x: &Tensor<T>,
-    grid: &Tensor<T>,
-    params: GridSample,
-    unit_roundoff: f64,
-) -> Vec<Tensor<T>> {
-    if params.mode == SampleMode::Linear {
-        return Vec::new();
-    }
-    let spatial = x.rank().saturating_sub(2).max(1);
-    let undecided = grid.data.iter().enumerate().any(|(i, &g)| {
-        let size = x.shape[x.rank() - 1 - i % spatial];
-        let [low, high] = [-unit_roundoff, unit_roundoff].map(|u| {
-            let p = moved(place(Rounded::within(g.value(), g.magnitude(), g.terms()), size, params), u);
-            match params.mode {
-                SampleMode::Cubic => f64::from(u8::from(beyond(p, size, params))),
-                _ => p.round_ties_even(),
-            }
-        });
-        low != high
-    });
-    if !undecided {
-        return Vec::new();
-    }
-    (0..1_usize << spatial)
-        .map(|choice| {
-            let shifts: Vec<f64> = (0..spatial)
-                .map(|axis| if choice >> axis & 1 == 0 { -unit_roundoff } else { unit_roundoff })
-                .collect();
-            sampled(x, grid, params, &shifts)
-        })
-        .collect()
-}
-
-/// [`grid_sample`] with the points moved along each axis by as much as arithmetic of this unit roundoff may move them; the sign says
-/// where to. No unit roundoffs move nothing.
-fn sampled<T: Scalar>(
-    x: &Tensor<T>,
-    grid: &Tensor<T>,
-    params: GridSample,
-    unit_roundoffs: &[f64],
-) -> Tensor<T> {
     let spatial = x.rank().saturating_sub(2);
     assert!(
         spatial > 0
@@ -150,12 +97,8 @@ fn sampled<T: Scalar>(
         for p in 0..points {
             let point = &grid.data[(n * points + p) * spatial..][..spatial];
             // The grid's first coordinate belongs to the last axis of the image.
-            let places = (0..spatial).map(|a| (a, place(point[spatial - 1 - a], size[a], params)));
-            let places = places.map(|(a, p)| match unit_roundoffs.get(a) {
-                Some(&u) => T::exact(moved(Rounded::within(p.value(), p.magnitude(), p.terms()), u)),
-                None => p,
-            });
-            let places: Vec<T> = places.collect();
+            let places: Vec<T> =
+                (0..spatial).map(|a| place(point[spatial - 1 - a], size[a], params)).collect();
             let reader = Reader::new(&places, size, params);
             for c in 0..channels {
                 let image = &x.data[(n * channels + c) * pixels..][..pixels];
@@ -174,14 +117,6 @@ fn place<T: Scalar>(x: T, size: usize, params: GridSample) -> T {
     } else {
         (x.plus(one) * n).plus(-one) * T::exact(0.5)
     }
-}
-
-/// A place moved to one end of what arithmetic of this unit roundoff may make of it.
-fn moved(p: Rounded, unit_roundoff: f64) -> f64 {
-    if p.terms == 0.0 {
-        return p.value;
-    }
-    p.value + unit_roundoff.signum() * gamma(p.terms, unit_roundoff.abs()) * p.magnitude
 }
 
 /// The ends of the image: the outer edges of its border pixels or their centres.
@@ -485,19 +420,9 @@ mod tests {
     }
 
     #[test]
-    fn half_way_the_nearest_pixel_is_even_and_either_where_rounding_decides() {
+    fn half_way_the_nearest_pixel_is_even() {
         let nearest = GridSample { mode: SampleMode::Nearest, ..EDGES };
         assert_eq!([-0.5, 0.0, 0.5].map(|x| at(x, nearest)), [10.0, 40.0, 40.0], "½, 1½, 2½");
-        let image = Tensor::new(&[1, 1, 1, 3], vec![10.0, 20.0, 40.0]).rounded();
-        let grid = |x: f64| Tensor::new(&[1, 1, 1, 2], vec![x, 0.0]).rounded();
-        let others = |x| {
-            let others = grid_sample_alternatives(&image, &grid(x), nearest, super::super::UNIT_ROUNDOFF_F32);
-            let mut values: Vec<f64> = others.iter().map(|y| y.data[0].value).collect();
-            values.dedup();
-            values
-        };
-        assert_eq!(others(1.0 / 3.0), [20.0, 40.0], "1½ but for rounding");
-        assert!(others(0.2).is_empty(), "far from the middle");
     }
 
     #[test]

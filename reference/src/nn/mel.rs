@@ -2,7 +2,7 @@
 
 use super::{Scalar, Tensor};
 
-/// The weights [lines,filters] of a spectrum of ⌊N/2⌋ + 1 lines, N = `dft_length`, at `sample_rate` samples a second.
+/// The weights \[lines,filters\] of a spectrum of ⌊N/2⌋ + 1 lines, N = `dft_length`, at `sample_rate` samples a second.
 ///
 /// Pitch is mel(f) = 2595·log₁₀(1 + f/700), f in hertz. The filters' F + 2 edges divide lower…upper into F + 2 equal steps of
 /// pitch, the last of which is not reached, and are moved to the line ⌊(N + 1)·f/rate⌋. Filter k rises from 0 at edge k to 1 at

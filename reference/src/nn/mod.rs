@@ -95,7 +95,7 @@ pub use elementwise::{add, broadcast, clip, div, maximum, mean, minimum, mul, su
 pub use extremum::place_of_extremum;
 pub use fourier::{Fourier, Window, dft, stft};
 pub use gather::{gather, gather_elements, gather_nd};
-pub use grid_sample::{GridSample, PaddingMode, SampleMode, grid_sample, grid_sample_alternatives};
+pub use grid_sample::{GridSample, PaddingMode, SampleMode, grid_sample};
 pub use likelihood::{Reduction, negative_log_likelihood};
 pub use linear_attention::{LinearAttention, linear_attention};
 pub use local_response::{LocalResponse, local_response_norm};

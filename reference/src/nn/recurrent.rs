@@ -248,7 +248,7 @@ pub fn gru<T: Scalar>(x: &Tensor<T>, layer: &Recurrent<T>, linear_before_reset: 
 
 /// Long short-term memory, three functions for each direction: f of i, f and o, g of the cell's input, h of the cell.
 ///
-/// Peepholes [D,3H] in the order i, o, f let the gates see the cell: i and f that before the step, o that after it.
+/// Peepholes \[D,3H\] in the order i, o, f let the gates see the cell: i and f that before the step, o that after it.
 ///
 /// # Panics
 /// If the shapes do not fit.

@@ -12,7 +12,7 @@
 //!   and ONNX Runtime agree on this.
 //!
 //! # Rounding
-//! As of linear interpolation (see [`interpolation`](super::interpolation)), and of a mean. How many points an adaptive lattice has is
+//! As of linear interpolation (see `interpolation`), and of a mean. How many points an adaptive lattice has is
 //! ⌈bin⌉, a decision that rounding may turn where a bin is a whole number of pixels.
 
 use super::interpolation::{Kernel, Stencil};

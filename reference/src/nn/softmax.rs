@@ -7,7 +7,7 @@
 //! axes at `axis` (default 1) and the sum ran over all axes from there on: reshape for that meaning.
 //!
 //! Rounding: the differences, exponentials, their sum in any order and a quotient. The rounding of xᵢ − M is u·|xᵢ − M|, which the exponential
-//! passes on as a relative error. An infinite x makes NaN, as the formula does: [`crate::nn::attention`] treats rows that are masked
+//! passes on as a relative error. An infinite x makes NaN, as the formula does: [`attention`](mod@crate::nn::attention) treats rows that are masked
 //! entirely by itself.
 
 use super::movement::transpose;

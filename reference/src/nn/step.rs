@@ -38,7 +38,8 @@ pub fn sign<T: Scalar>(x: &Tensor<T>) -> Tensor<T> {
     x.map(|x| plateau(x, value(x.value())))
 }
 
-/// a − ⌊a/b⌋·b, with the sign of the divisor, as Python's `%`; or with `truncated` C's `fmod`, with the sign of the dividend.
+/// a − ⌊a/b⌋·b, with the sign of the divisor (a zero's as well), as Python's `%`; or with `truncated` C's `fmod`, with the sign of
+/// the dividend.
 ///
 /// Rounding: `fmod` is exact. Python's answer is `fmod`'s or, where the signs differ, that plus b, which rounds once.
 ///
@@ -118,5 +119,7 @@ mod tests {
             modulo(&Tensor::new(&[], vec![a]), &Tensor::new(&[], vec![b]), truncated).data[0]
         };
         assert_eq!((one(3.0, f64::INFINITY, true), one(3.0, f64::INFINITY, false)), (3.0, 3.0));
+        assert_eq!(one(-3.0, f64::INFINITY, false), f64::INFINITY, "of the other sign: the divisor");
+        assert!(one(4.0, -2.0, false).is_sign_negative(), "zero has the divisor's sign");
     }
 }

@@ -37,7 +37,7 @@
       element("section", {}, element("h2", {}, answer.question), answer.sentences.map(sentence => element("p", {}, sentence))))));
 
   if (data.surfaces?.length) root.append(heading("The error on the surface"), ...surfaceView(data.surfaces));
-  for (const table of data.tables ?? []) {
+  for (const table of (data.tables ?? []).filter(each => each.rows.length)) {
     root.append(heading(table.title), plainTable(table.head, table.rows));
   }
   if (audit) {

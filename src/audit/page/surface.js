@@ -16,6 +16,7 @@ function surfaceView(surfaces) {
   const top = element("input", { id: "scale-top", type: "range", min: "1", max: "100", value: "100", oninput: () => recolour() });
   const bar = element("canvas", { width: "256", height: "1" });
   const [least, most, about] = [element("span", {}, "0 mm"), element("span", {}), element("span", { class: "soft" })];
+  frame.append(element("div", { class: "tools" }, element("button", { type: "button", onclick: () => { view.over = !view.over; draw(); } }, "upside down")));
   const legend = element("div", { class: "legend" }, element("label", {}, "Surface ", choice), least, bar, most,
     element("label", {}, element("span", { class: "soft" }, "Top of the scale "), top), about);
   const ink = bar.getContext("2d");
@@ -47,7 +48,7 @@ function surfaceView(surfaces) {
   gl.useProgram(program);
   gl.enable(gl.DEPTH_TEST);
   const buffers = Object.fromEntries(["place", "normal", "colour", "faces"].map(name => [name, gl.createBuffer()]));
-  const view = { yaw: 0.5, pitch: 0.15, zoom: 1 };
+  const view = { yaw: 0.5, pitch: 0.15, zoom: 1, over: false };
   let [now, triangles] = [surfaces[0], 0];
 
   function attribute(name, values) {
@@ -63,6 +64,7 @@ function surfaceView(surfaces) {
     const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
     for (const vertex of vertices) for (let a = 0; a < 3; a++) { low[a] = Math.min(low[a], vertex[a]); high[a] = Math.max(high[a], vertex[a]); }
     const reach = Math.hypot(...low.map((value, a) => high[a] - value)) / 2 || 1;
+    view.over = Boolean(surface.y_down);
     const place = new Float32Array(vertices.flatMap(vertex => vertex.map((value, a) => (value - (low[a] + high[a]) / 2) / reach)));
     const normal = new Float32Array(place.length);
     for (const face of surface.faces) {
@@ -92,12 +94,14 @@ function surfaceView(surfaces) {
     const [w, h] = [canvas.clientWidth, canvas.clientHeight].map(size => Math.max(1, Math.round(size * (window.devicePixelRatio || 1))));
     if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
     const [cy, sy, cp, sp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
+    // Half a turn about x first, for what hangs with its head down.
+    const up = view.over ? -1 : 1;
     const size = 0.92 * view.zoom * Math.min(w, h);
     gl.viewport(0, 0, w, h);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     // Columns of a turn about y, then about x.
-    gl.uniformMatrix3fv(gl.getUniformLocation(program, "turn"), false, [cy, sp * sy, -cp * sy, 0, cp, sp, sy, -sp * cy, cp * cy]);
+    gl.uniformMatrix3fv(gl.getUniformLocation(program, "turn"), false, [cy, sp * sy, -cp * sy, 0, up * cp, up * sp, up * sy, -up * sp * cy, up * cp * cy]);
     gl.uniform3f(gl.getUniformLocation(program, "view"), size / w, size / h, 0.5);
     gl.drawElements(gl.TRIANGLES, 3 * triangles, gl.UNSIGNED_INT, 0);
     canvas.dataset.view = `${view.yaw.toFixed(3)} ${view.pitch.toFixed(3)} ${view.zoom.toFixed(3)}`;

@@ -20,20 +20,20 @@
 //!
 //! | family | mistakes |
 //! |---|---|
-//! | [`interpolation`] | corners, half pixels, nearest, cubic coefficient, antialias |
-//! | [`padding`] | kinds of padding, sides, counts, ceil_mode |
-//! | [`kernel`] | strides, dilations, groups, flipped and transposed kernels |
-//! | [`normalisation`] | epsilon, variance, statistics and scales exchanged, axes and groups |
-//! | [`matrix`] | alpha, beta, transposed matrices, biases |
-//! | [`activation`] | slopes, approximations, softmax axes, bounds |
-//! | [`reduction`] | other reductions and axes |
-//! | [`indexing`] | slices, indices, orders of operands |
-//! | [`rounding`] | ties, truncation, zero points, wrap-around |
-//! | [`layout`] | orders of axes, channels and batches |
-//! | [`stale`] | numbers of other tensors, or none |
-//! | [`constants`] | weights with too few digits, single numbers that are others |
-//! | [`precision`] | operands, sums and results with too few bits |
-//! | [`factor`] | a common factor or addend, fitted |
+//! | `interpolation` | corners, half pixels, nearest, cubic coefficient, antialias |
+//! | `padding` | kinds of padding, sides, counts, ceil_mode |
+//! | `kernel` | strides, dilations, groups, flipped and transposed kernels |
+//! | `normalisation` | epsilon, variance, statistics and scales exchanged, axes and groups |
+//! | `matrix` | alpha, beta, transposed matrices, biases |
+//! | `activation` | slopes, approximations, softmax axes, bounds |
+//! | `reduction` | other reductions and axes |
+//! | `indexing` | slices, indices, orders of operands |
+//! | `rounding` | ties, truncation, zero points, wrap-around |
+//! | `layout` | orders of axes, channels and batches |
+//! | `stale` | numbers of other tensors, or none |
+//! | `constants` | weights with too few digits, single numbers that are others |
+//! | `precision` | operands, sums and results with too few bits |
+//! | `factor` | a common factor or addend, fitted |
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

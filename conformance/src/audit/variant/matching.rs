@@ -9,9 +9,9 @@
 //! 1. equal names;
 //! 2. structure: the same operators on the same tensors, where Cast, Identity, QuantizeLinear and DequantizeLinear change
 //!    nothing; what is ambiguous goes to the tensor whose numbers are nearest;
-//! 3. equal numbers, up to [`NEAR`], where no other tensor comes near.
+//! 3. equal numbers, up to `NEAR`, where no other tensor comes near.
 //!
-//! A pair must agree in shape and, up to [`FAR`], in its numbers on the inputs given: exporters reuse names.
+//! A pair must agree in shape and, up to `FAR`, in its numbers on the inputs given: exporters reuse names.
 
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hasher as _};

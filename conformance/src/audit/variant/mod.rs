@@ -17,7 +17,7 @@
 //! | [`surgery`], [`runner`], [`flow`] | graphs cut open, nudged and run |
 //! | [`matching`], [`attribution`] | which tensors are the same; which nodes cost the millimetres |
 //! | [`truth`] | the base by the reference in f64 |
-//! | [`lowering`], [`plan`] | a graph with some nodes in f16 or int8; which to keep in f32 |
+//! | [`lowering`], [`plan`](mod@plan) | a graph with some nodes in f16 or int8; which to keep in f32 |
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

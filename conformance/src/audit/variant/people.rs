@@ -1,7 +1,7 @@
 //! Inputs that mean something: a person drawn from a seed, as voxels, in pictures, or as parameters.
 //!
 //! The person is the mannequin in a random pose and shape, in the middle of the cube −1 … 1 m. Cameras stand around it on a
-//! circle of [`DISTANCE_M`] at its height, each with the cube's middle plane filling its square picture from edge to edge.
+//! circle of `DISTANCE_M` at its height, each with the cube's middle plane filling its square picture from edge to edge.
 
 use rand::Rng as _;
 use rand::SeedableRng as _;

@@ -319,7 +319,7 @@ impl Setup {
     }
 
     /// Takes an output that is a volume for a field with its surface at `level`, larger inside; the cube's side is that of
-    /// [`CUBE`](super::people::CUBE).
+    /// [`CUBE`].
     ///
     /// # Errors
     /// When no output has exactly three sides longer than 1.

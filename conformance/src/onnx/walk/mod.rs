@@ -74,7 +74,7 @@ pub const LARGEST: usize = 1 << 28;
 /// The versions of ONNX's operators whose meaning is known here.
 ///
 /// Those of opset 6 mean what they mean in opset 7, or say by an attribute that they do not, which is refused; but for
-/// [`CHANGED_SILENTLY`].
+/// `BatchNormalization`, `Dropout` and `PRelu`, which are refused.
 pub const OPSETS: RangeInclusive<i64> = 6..=28;
 
 /// Operators whose meaning changed from opset 6 to opset 7 without an attribute to tell.

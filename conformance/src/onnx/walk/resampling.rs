@@ -10,8 +10,7 @@
 
 use vitruvian_reference::nn::{
     CoordinateTransformation, GridSample, Interpolation, NearestMode, PaddingMode, Resize, ResizedAxis,
-    SampleMode, Scalar, Tensor, affine_grid, grid_sample, grid_sample_alternatives, resize,
-    resize_alternatives,
+    SampleMode, Scalar, Tensor, affine_grid, grid_sample, resize, resize_alternatives,
 };
 
 use super::window::{ToInteger, any_numbers, value_of};
@@ -30,17 +29,20 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
 /// What the operator may also give, where a decision lies within rounding or is not specified.
 pub(super) fn alternatives<T: Scalar>(call: &Call<T>, unit_roundoff: f64) -> Result<Vec<Value<T>>, String> {
     match call.operator {
-        "GridSample" => {
+        // Where the points of a grid fall is decided by an operand, and not in here.
+        "GridSample" if !call.operand(0)?.element.is_float() => {
             let (x, grid) = (any_numbers(call, 0)?, call.numbers(1)?);
-            let others = grid_sample_alternatives(&x, grid, grid_params(call)?, unit_roundoff);
-            values(call, others)
+            values(call, vec![grid_sample(&x, grid, grid_params(call)?)])
         }
         "Resize" | "Upsample" => {
             let x = any_numbers(call, 0)?;
             let mut found = vec![x.into_owned()];
             for step in steps(call)? {
                 let others = found.iter().flat_map(|x| resize_alternatives(x, &step, unit_roundoff));
-                let others: Vec<_> = others.collect();
+                let mut others: Vec<_> = others.collect();
+                if let Some(text) = whole_lengths(&step, call.operand(0)?.shape()) {
+                    others.extend(found.iter().map(|x| resize(x, &text)));
+                }
                 found = found.iter().map(|x| resize(x, &step)).collect();
                 found.extend(others);
             }
@@ -48,6 +50,16 @@ pub(super) fn alternatives<T: Scalar>(call: &Call<T>, unit_roundoff: f64) -> Res
         }
         _ => Ok(Vec::new()),
     }
+}
+
+/// `align_corners` as ONNX's text has it, and with it ONNX Runtime and PyTorch: between whole lengths, where its tests take the length that
+/// the scale gives.
+fn whole_lengths(step: &Resize, shape: &[usize]) -> Option<Resize> {
+    let mut text = step.clone();
+    for axis in &mut text.axes {
+        axis.scale = [axis.output.max(1) as f64, shape[axis.axis] as f64];
+    }
+    (step.transformation == CoordinateTransformation::AlignCorners && text != *step).then_some(text)
 }
 
 /// Numbers in the operator's element type; of integers both conversions, since neither is specified.

@@ -16,7 +16,7 @@
 //!   same pixel in linear and nearest mode.
 //!
 //! # Rounding
-//! See [`interpolation`](super::interpolation): the arithmetic of weights and sums, and the coordinate's own error times the local
+//! See `interpolation`: the arithmetic of weights and sums, and the coordinate's own error times the local
 //! slope. Where the nearest pixel is taken nothing is rounded, but a coordinate that lies within its rounding of a tie may fall to
 //! either side: [`resize_alternatives`] gives what else is right then.
 

@@ -1,0 +1,522 @@
+//! The second audit: the session as shipped, optimised and asked for nothing but its outputs.
+//!
+//! The first audit sees every node because every tensor is asked for, and that alone keeps an optimiser from doing what it does for
+//! users: a tensor that is an output is not fused away. So the session is run as it ships, and the graph that its
+//! optimiser made is written out. That graph, run as it is written, computes the same bits (which is checked), and the tensors that
+//! survive in it under their own names can be asked for without disturbing anything.
+//!
+//! Each is compared with the session without optimisation, bit by bit, and with the reference: evaluated, by the original nodes,
+//! from the last surviving tensors before it, with the bound that rounding earns along the way. Where that chain is too long for the
+//! bound to say anything, or would take too long, there is no verdict, and the report says so.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use sha2::{Digest as _, Sha256};
+use vitruvian_runtime::session::{
+    Dimension, Input, Optimization, Rewriting, Session, Settings, TensorInfo, Value,
+};
+
+use super::onnx_runtime::{given, taken};
+use super::party::{Party, Segment, Tensors};
+use super::report::{ForeignOperator, Grade, NodeReport, ShippedReport, ShippedTensor};
+use super::{Options, audit};
+use crate::error::{Error, Result};
+use crate::onnx::expose::expose;
+use crate::onnx::message::NodeProto;
+use crate::onnx::model::Model;
+use crate::onnx::typed_tensor::TypedTensor;
+
+/// The levels of optimisation, from the least.
+const LEVELS: [(Optimization, &str); 3] =
+    [(Optimization::Basic, "basic"), (Optimization::Extended, "extended"), (Optimization::All, "all")];
+
+/// Bytes of surviving tensors that are asked for.
+const ASKED: usize = 256 << 20;
+
+/// Products that the reference may compute to fill in the tensors that the optimiser removed.
+const FILLED_IN: f64 = 2e9;
+
+/// Products that it may compute to judge those that survive; see [`Options::effort`].
+const EFFORT: f64 = 1e9;
+
+/// Seconds that loading and running the session once may take for the lower levels to be tried as well.
+const PATIENCE: f64 = 4.0;
+
+/// Audits the session as shipped; `nodes` are the reports of the first audit.
+///
+/// # Errors
+/// When ONNX Runtime is missing, or refuses the graph, its own optimised graph, or the inputs.
+pub fn shipped(
+    model: &Model,
+    inputs: &BTreeMap<String, TypedTensor>,
+    threads: usize,
+    nodes: &[NodeReport],
+) -> Result<ShippedReport> {
+    let held = Inputs::new(inputs)?;
+    let begin = Instant::now();
+    let (outputs, optimised) = ship(model, &held, Optimization::All, threads)?;
+    let once = begin.elapsed().as_secs_f64();
+    let mut notes = Vec::new();
+    let survivors = survivors(model, &optimised);
+    let mut plain = Exposed::new(model, &survivors, threads)?;
+    let asked = plain.affordable(&survivors, &model.outputs());
+    if asked.len() < survivors.len() {
+        let (few, all, size) = (asked.len(), survivors.len(), ASKED >> 20);
+        notes.push(format!(
+            "of {all} surviving tensors {few} were compared, evenly chosen to stay below {size} MB"
+        ));
+    }
+    let before = plain.run(&held, &asked)?;
+    let after = Exposed::new(&optimised, &asked, threads)?.run(&held, &asked)?;
+    drop(plain);
+
+    let mut tensors = Vec::new();
+    let mut prints = BTreeMap::new();
+    let mut kept = BTreeMap::new();
+    let mut other_bits = Vec::new();
+    for ((&name, before), after) in asked.iter().zip(before).zip(after) {
+        let (old, new) = (print(&before), print(&after));
+        if outputs.get(name).is_some_and(|shipped| print(shipped) != new) {
+            other_bits.push(name);
+        }
+        let identical = old == new;
+        tensors.push(ShippedTensor {
+            name: name.to_owned(),
+            identical,
+            abs_max: if identical { Some(0.0) } else { largest_difference(&before, &after) },
+            verdict: Grade::NotComparable,
+            changed_at: None,
+            why: None,
+        });
+        if !identical {
+            prints.insert(name.to_owned(), old);
+        }
+        kept.insert(name.to_owned(), after);
+    }
+    if !other_bits.is_empty() {
+        notes.push(format!(
+            "the optimised graph as it is written out gives other bits than the session that wrote it: {other_bits:?}"
+        ));
+    }
+    if once <= PATIENCE {
+        first_changes(model, &held, threads, &prints, &mut tensors)?;
+    } else if !prints.is_empty() {
+        notes
+            .push(format!("at which level tensors change was not looked for: the session takes {once:.0} s"));
+    }
+    judge(model, inputs, nodes, kept, &mut tensors, &mut notes)?;
+    Ok(ShippedReport {
+        level: "all".into(),
+        verdict: worst(&tensors),
+        nodes: (model.nodes().len(), optimised.nodes().len()),
+        tensors,
+        operators: foreign(optimised.nodes()),
+        notes,
+    })
+}
+
+/// The worst verdict: G3 before not comparable before G2, as of a whole audit.
+fn worst(tensors: &[ShippedTensor]) -> Grade {
+    let rank = |grade: Grade| match grade {
+        Grade::G0 => 0,
+        Grade::G1 => 1,
+        Grade::G2 => 2,
+        Grade::NotComparable => 3,
+        Grade::G3 => 4,
+    };
+    tensors.iter().map(|tensor| tensor.verdict).max_by_key(|&grade| rank(grade)).unwrap_or(Grade::G0)
+}
+
+/// The inputs in ONNX Runtime's memory.
+pub(super) struct Inputs(Vec<(String, Value)>);
+
+impl Inputs {
+    pub fn new(inputs: &BTreeMap<String, TypedTensor>) -> Result<Self> {
+        let held = inputs.iter().map(|(name, tensor)| Ok((name.clone(), given(name, tensor)?)));
+        Ok(Self(held.collect::<Result<_>>()?))
+    }
+
+    /// Runs a session on them.
+    pub fn run(&self, session: &mut Session, outputs: &[&str]) -> Result<Vec<TypedTensor>> {
+        let inputs: Vec<(&str, Input)> =
+            self.0.iter().map(|(name, value)| (name.as_str(), value.into())).collect();
+        let values = session.run(&inputs, outputs)?;
+        let tensor = |(name, value): (&&str, &Value)| {
+            taken(value).map_err(|message| Error::Onnx {
+                graph: session.path().display().to_string(),
+                item: format!("output \"{name}\""),
+                message,
+            })
+        };
+        outputs.iter().zip(&values).map(tensor).collect()
+    }
+}
+
+/// A file that is gone when it is dropped.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Self {
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        Self(std::env::temp_dir().join(format!("vitruvian-optimised-{}-{count}.onnx", std::process::id())))
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // Nothing can be done about a file that does not go, and nothing depends on it.
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// The outputs of the session as shipped at a level, and the graph that it runs.
+fn ship(
+    model: &Model,
+    inputs: &Inputs,
+    optimization: Optimization,
+    threads: usize,
+) -> Result<(BTreeMap<String, TypedTensor>, Model)> {
+    let scratch = Scratch::new();
+    let rewriting = Rewriting { saved: Some(&scratch.0), ..Rewriting::default() };
+    let settings = Settings { optimization, threads };
+    let mut session = Session::rewritten(model.name(), model.bytes(), &settings, rewriting)?;
+    let names: Vec<String> = session.outputs().iter().map(|output| output.name.clone()).collect();
+    let found = inputs.run(&mut session, &names.iter().map(String::as_str).collect::<Vec<_>>())?;
+    let optimised = Model::read(&scratch.0)?;
+    Ok((names.into_iter().zip(found).collect(), optimised))
+}
+
+/// The tensors that nodes of both graphs make under the same name, in the order of the first.
+fn survivors<'a>(model: &'a Model, optimised: &Model) -> Vec<&'a str> {
+    let left: BTreeSet<&str> = made(optimised.nodes()).collect();
+    made(model.nodes()).filter(|name| left.contains(name)).collect()
+}
+
+fn made(nodes: &[NodeProto]) -> impl Iterator<Item = &str> {
+    nodes.iter().flat_map(|node| &node.output).map(String::as_str).filter(|name| !name.is_empty())
+}
+
+/// A graph that runs as it is written and gives any of its tensors.
+struct Exposed(Session);
+
+impl Exposed {
+    fn new(model: &Model, tensors: &[&str], threads: usize) -> Result<Self> {
+        let settings = Settings { optimization: Optimization::Disabled, threads };
+        Ok(Self(Session::from_bytes(model.name(), &expose(model, tensors), &settings)?))
+    }
+
+    fn run(&mut self, inputs: &Inputs, tensors: &[&str]) -> Result<Vec<TypedTensor>> {
+        inputs.run(&mut self.0, tensors)
+    }
+
+    /// The tensors, or where they have more than [`ASKED`] bytes by the lengths that are known, every k-th of them beside the
+    /// graph's own outputs.
+    fn affordable<'a>(&self, tensors: &[&'a str], outputs: &[&str]) -> Vec<&'a str> {
+        let bytes: BTreeMap<&str, usize> =
+            self.0.outputs().iter().map(|info| (info.name.as_str(), bytes_of(info))).collect();
+        let all = tensors.iter().filter_map(|name| bytes.get(name));
+        let step = all.fold(0_usize, |sum, bytes| sum.saturating_add(*bytes)).div_ceil(ASKED).max(1);
+        let chosen = tensors.iter().enumerate();
+        let chosen = chosen.filter(|(i, name)| i % step == 0 || outputs.contains(*name));
+        chosen.map(|(_, name)| *name).collect()
+    }
+}
+
+/// Bytes of a tensor of the declared lengths, of which those that are free count as a hundred.
+fn bytes_of(info: &TensorInfo) -> usize {
+    let side = |dimension: &Dimension| dimension.fixed().unwrap_or(100);
+    info.shape.iter().map(side).fold(4, usize::saturating_mul)
+}
+
+/// What tells tensors apart, bit by bit, without keeping them.
+fn print(tensor: &TypedTensor) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    tensor.shape.iter().for_each(|side| hash.update(side.to_le_bytes()));
+    hash.update(tensor.elements.to_bytes());
+    hash.finalize().into()
+}
+
+/// Largest absolute difference; none where it is not finite or the shapes differ.
+pub(super) fn largest_difference(before: &TypedTensor, after: &TypedTensor) -> Option<f64> {
+    if before.shape != after.shape {
+        return None;
+    }
+    let [before, after] = [before, after].map(super::compare::numbers);
+    let largest = before.iter().zip(&after).map(|(a, b)| {
+        // The same infinity on both sides is no difference.
+        if a == b || (a.is_nan() && b.is_nan()) { 0.0 } else { (a - b).abs() }
+    });
+    let largest = largest.fold(0.0, |most: f64, d| if d.is_nan() { f64::INFINITY } else { most.max(d) });
+    largest.is_finite().then_some(largest)
+}
+
+/// The lowest level at which each of the changed tensors has other bits than without optimisation.
+///
+/// A tensor that a level does not leave is asked for at the next; what has changed at no lower one changes at `all`.
+fn first_changes(
+    model: &Model,
+    inputs: &Inputs,
+    threads: usize,
+    prints: &BTreeMap<String, [u8; 32]>,
+    tensors: &mut [ShippedTensor],
+) -> Result<()> {
+    let mut open: BTreeSet<&str> = prints.keys().map(String::as_str).collect();
+    for (level, name) in LEVELS {
+        if open.is_empty() {
+            return Ok(());
+        }
+        let changed: Vec<String> = if level == Optimization::All {
+            open.iter().map(|&tensor| tensor.to_owned()).collect()
+        } else {
+            let (_, optimised) = ship(model, inputs, level, threads)?;
+            let left: Vec<&str> =
+                survivors(model, &optimised).into_iter().filter(|tensor| open.contains(tensor)).collect();
+            let found = Exposed::new(&optimised, &left, threads)?.run(inputs, &left)?;
+            let changed = left.iter().zip(&found).filter(|(tensor, found)| prints[**tensor] != print(found));
+            changed.map(|(tensor, _)| (*tensor).to_owned()).collect()
+        };
+        for tensor in tensors.iter_mut().filter(|tensor| changed.contains(&tensor.name)) {
+            tensor.changed_at = Some(name.to_owned());
+        }
+        open.retain(|tensor| !changed.iter().any(|c| c == tensor));
+    }
+    Ok(())
+}
+
+/// The tensors that survive, as a party that has no others.
+struct Survivors(BTreeMap<String, TypedTensor>);
+
+impl Party for Survivors {
+    fn describe(&self) -> String {
+        "ONNX Runtime as shipped".into()
+    }
+
+    fn segment(&mut self, model: &Model, first: usize, _held: &Tensors) -> Result<Segment> {
+        let tensors = std::mem::take(&mut self.0);
+        let missing = made(&model.nodes()[first..]).filter(|name| !tensors.contains_key(*name));
+        let missing = missing.map(|name| (name.to_owned(), "the optimiser removed it".to_owned())).collect();
+        Ok(Segment { nodes: first..model.nodes().len(), tensors, missing, notes: Vec::new() })
+    }
+}
+
+/// The verdict on each tensor from the last ones before it.
+///
+/// Where nothing has changed, it is that of the first audit, whose reports are `nodes`. `kept` are the tensors.
+fn judge(
+    model: &Model,
+    inputs: &BTreeMap<String, TypedTensor>,
+    nodes: &[NodeReport],
+    kept: BTreeMap<String, TypedTensor>,
+    tensors: &mut [ShippedTensor],
+    notes: &mut Vec<String>,
+) -> Result<()> {
+    if tensors.iter().all(|tensor| tensor.identical) {
+        grade(nodes, tensors, None);
+        return Ok(());
+    }
+    let is_removed =
+        |node: &&NodeReport| node.outputs.iter().any(|name| !name.is_empty() && !kept.contains_key(name));
+    let removed = nodes.iter().filter(is_removed).flat_map(|node| &node.tensors);
+    let products: f64 = removed.map(|tensor| tensor.elements as f64 * tensor.n_eff.max(1.0)).sum();
+    if products > FILLED_IN {
+        notes.push(format!(
+            "tensors behind the first change were compared with the session without optimisation alone: to fill in what the \
+             optimiser removed takes {products:.1e} products"
+        ));
+        grade(nodes, tensors, Some(&unchanged(model, tensors)));
+        return Ok(());
+    }
+    let options = Options { effort: EFFORT, chain: 0.0, ..Options::default() };
+    let again = audit(model, inputs, &mut Survivors(kept), &options, &mut |_, _, _| ())?;
+    grade(&again.nodes, tensors, None);
+    Ok(())
+}
+
+/// The tensors of which neither they nor anything before them has changed.
+fn unchanged(model: &Model, tensors: &[ShippedTensor]) -> BTreeSet<String> {
+    let mut changed: BTreeSet<&str> =
+        tensors.iter().filter(|tensor| !tensor.identical).map(|tensor| tensor.name.as_str()).collect();
+    for node in model.nodes() {
+        if node.input.iter().any(|name| changed.contains(name.as_str())) {
+            changed.extend(node.output.iter().map(String::as_str));
+        }
+    }
+    made(model.nodes()).filter(|name| !changed.contains(name)).map(str::to_owned).collect()
+}
+
+/// Takes the verdicts over from an audit, of the tensors in `of` alone where that is given.
+fn grade(nodes: &[NodeReport], tensors: &mut [ShippedTensor], of: Option<&BTreeSet<String>>) {
+    let mut verdicts = BTreeMap::new();
+    for node in nodes {
+        for name in &node.outputs {
+            let own = node.tensors.iter().find(|tensor| tensor.name == *name);
+            // A tensor whose operands were filled in may have been found wanting as a node only.
+            let verdict = own.map_or(node.verdict, |tensor| match node.verdict {
+                Grade::NotComparable => Grade::NotComparable,
+                _ => tensor.verdict,
+            });
+            verdicts.insert(name.as_str(), (verdict, node.why.clone()));
+        }
+    }
+    for tensor in tensors {
+        if of.is_some_and(|of| !of.contains(&tensor.name)) {
+            tensor.why = Some("it lies behind a change and was not judged again".into());
+            continue;
+        }
+        match verdicts.get(tensor.name.as_str()) {
+            Some((verdict, why)) => {
+                tensor.verdict = *verdict;
+                tensor.why = why.clone().filter(|_| *verdict == Grade::NotComparable);
+            }
+            None => tensor.why = Some("no node that was judged makes it".into()),
+        }
+    }
+}
+
+/// The operators that are not ONNX's own, with what they stand for.
+fn foreign(nodes: &[NodeProto]) -> Vec<ForeignOperator> {
+    let mut counts: BTreeMap<String, (usize, Option<&str>)> = BTreeMap::new();
+    for node in nodes {
+        let (domain, operator) =
+            (node.domain.as_deref().unwrap_or_default(), node.op_type.as_deref().unwrap_or_default());
+        if !matches!(domain, "" | "ai.onnx") {
+            counts.entry(format!("{domain}.{operator}")).or_insert((0, meaning(domain, operator))).0 += 1;
+        }
+    }
+    let operator = |(op, (count, meaning)): (String, (usize, Option<&str>))| ForeignOperator {
+        op,
+        count,
+        meaning: meaning.map(str::to_owned),
+    };
+    counts.into_iter().map(operator).collect()
+}
+
+/// What an operator of ONNX Runtime stands for in ONNX's own.
+fn meaning(domain: &str, operator: &str) -> Option<&'static str> {
+    Some(match (domain, operator) {
+        ("com.microsoft.nchwc", "Conv") => "Conv with bias, sum and activation, channels in blocks",
+        ("com.microsoft.nchwc", "MaxPool") => "MaxPool, channels in blocks",
+        ("com.microsoft.nchwc", "AveragePool") => "AveragePool, channels in blocks",
+        ("com.microsoft.nchwc", "GlobalMaxPool") => "GlobalMaxPool, channels in blocks",
+        ("com.microsoft.nchwc", "GlobalAveragePool") => "GlobalAveragePool, channels in blocks",
+        ("com.microsoft.nchwc", "Upsample") => "Resize, channels in blocks",
+        ("com.microsoft.nchwc", "ReorderInput") => "channels into blocks, no arithmetic",
+        ("com.microsoft.nchwc", "ReorderOutput") => "channels out of blocks, no arithmetic",
+        ("com.ms.internal.nhwc" | "com.microsoft", "NhwcConv" | "NhwcFusedConv") => "Conv, channels last",
+        ("com.microsoft", "FusedConv") => "Conv, then Add and the activation",
+        ("com.microsoft", "FusedGemm") => "Gemm, then the activation",
+        ("com.microsoft", "FusedMatMul") => "MatMul of operands transposed and scaled",
+        ("com.microsoft", "FusedMatMulActivation") => "MatMul, then the activation",
+        ("com.microsoft", "Gelu") => "Gelu",
+        ("com.microsoft", "BiasGelu") => "Add, then Gelu",
+        ("com.microsoft", "FastGelu") => "Gelu by tanh",
+        ("com.microsoft", "QuickGelu") => "x · Sigmoid(alpha · x)",
+        ("com.microsoft", "BiasSoftmax") => "Add, then Softmax",
+        ("com.microsoft", "SkipLayerNormalization") => "Add, then LayerNormalization",
+        ("com.microsoft", "SimplifiedLayerNormalization") => "RMSNormalization",
+        ("com.microsoft", "SkipSimplifiedLayerNormalization") => "Add, then RMSNormalization",
+        ("com.microsoft", "Attention" | "MultiHeadAttention") => "Softmax(q·kᵀ)·v over heads",
+        ("com.microsoft", "QLinearAdd" | "QLinearMul") => "dequantised, computed, quantised",
+        ("com.microsoft", "QLinearAveragePool" | "QLinearGlobalAveragePool") => "the pool, quantised",
+        ("com.microsoft", "DynamicQuantizeMatMul") => "MatMul of an operand quantised as it comes",
+        ("com.microsoft", "MatMulIntegerToFloat") => "MatMulInteger, then scaled",
+        ("com.microsoft", "TransposeMatMul") => "MatMul of transposed operands",
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::onnx::builder::{GraphBuilder, int, ints};
+    use crate::onnx::typed_tensor::Elements;
+    use crate::problem::values::Values;
+
+    fn inputs(shape: &[usize]) -> BTreeMap<String, TypedTensor> {
+        let x = Values::ordinary(7).fill(shape);
+        let tensor = TypedTensor::new(shape, Elements::F32(x.values)).expect("a tensor");
+        BTreeMap::from([("x".to_owned(), tensor)])
+    }
+
+    /// y = Relu(Conv(x)) + 1, which ONNX Runtime fuses, with an Identity that it removes.
+    fn fused() -> Model {
+        let w = Values::ordinary(1).fill(&[16, 16, 3, 3]);
+        let bytes = GraphBuilder::new(17)
+            .input("x", &[1, 16, 6, 6])
+            .constant("w", &[16, 16, 3, 3], &w.values)
+            .constant("one", &[1], &[1.0])
+            .node("Identity", &["x"], &["same"], vec![])
+            .node("Conv", &["same", "w"], &["c"], vec![ints("pads", &[1, 1, 1, 1]), int("group", 1)])
+            .node("Relu", &["c"], &["r"], vec![])
+            .node("Add", &["r", "one"], &["y"], vec![])
+            .output("y")
+            .to_bytes();
+        Model::from_bytes("fused.onnx", bytes).expect("a model")
+    }
+
+    fn audited(model: &Model, inputs: &BTreeMap<String, TypedTensor>) -> ShippedReport {
+        let mut party = super::super::OnnxRuntime { threads: 1, ..Default::default() };
+        let audit =
+            audit(model, inputs, &mut party, &Options::default(), &mut |_, _, _| ()).expect("an audit");
+        audit.shipped.expect("the session as shipped")
+    }
+
+    #[test]
+    fn what_is_fused_is_judged_through_the_tensors_that_survive() {
+        let report = audited(&fused(), &inputs(&[1, 16, 6, 6]));
+        assert!(report.verdict <= Grade::G1, "{report:?}");
+        assert!(report.nodes.1 < report.nodes.0 || !report.operators.is_empty(), "{report:?}");
+        let names: Vec<&str> = report.tensors.iter().map(|tensor| tensor.name.as_str()).collect();
+        assert!(names.contains(&"y") && !names.contains(&"same"), "{names:?}");
+        for tensor in report.tensors.iter().filter(|tensor| !tensor.identical) {
+            assert!(tensor.changed_at.is_some(), "{tensor:?}");
+        }
+        for operator in &report.operators {
+            assert!(operator.meaning.is_some(), "{operator:?}");
+        }
+        assert!(report.notes.is_empty(), "{:?}", report.notes);
+    }
+
+    #[test]
+    fn a_graph_that_nothing_changes_keeps_the_verdicts_of_the_first_audit() {
+        let bytes = GraphBuilder::new(17).input("x", &[2, 3]).node("Neg", &["x"], &["y"], vec![]).output("y");
+        let model = Model::from_bytes("neg.onnx", bytes.to_bytes()).expect("a model");
+        let report = audited(&model, &inputs(&[2, 3]));
+        let [tensor] = &report.tensors[..] else { panic!("{report:?}") };
+        assert!(tensor.identical && tensor.verdict == Grade::G0 && tensor.changed_at.is_none(), "{tensor:?}");
+    }
+
+    #[test]
+    fn a_stale_tensor_of_the_optimiser_is_outside_rounding() {
+        let (model, inputs) = (fused(), inputs(&[1, 16, 6, 6]));
+        let held = Inputs::new(&inputs).expect("inputs");
+        let (mut outputs, _) = ship(&model, &held, Optimization::All, 1).expect("a session");
+        let Some(Elements::F32(y)) = outputs.get_mut("y").map(|y| &mut y.elements) else { panic!("f32") };
+        y.iter_mut().for_each(|y| *y *= 1.001);
+        let mut tensors = vec![ShippedTensor {
+            name: "y".into(),
+            identical: false,
+            abs_max: None,
+            verdict: Grade::NotComparable,
+            changed_at: None,
+            why: None,
+        }];
+        judge(&model, &inputs, &[], outputs, &mut tensors, &mut Vec::new()).expect("judged");
+        assert_eq!(tensors[0].verdict, Grade::G3, "three nodes together, and still seen");
+    }
+
+    #[test]
+    fn a_difference_that_is_no_number_is_none() {
+        let tensor = |values: &[f32]| TypedTensor::new(&[values.len()], Elements::F32(values.to_vec()));
+        let difference = |a: &[f32], b: &[f32]| {
+            largest_difference(&tensor(a).expect("a tensor"), &tensor(b).expect("a tensor"))
+        };
+        assert_eq!(difference(&[1.0, f32::INFINITY], &[1.5, f32::INFINITY]), Some(0.5));
+        assert_eq!(difference(&[1.0], &[f32::NAN]), None);
+        assert_eq!(difference(&[1.0], &[1.0, 2.0]), None, "shapes");
+    }
+}
