@@ -8,6 +8,7 @@ mod diff;
 pub mod figures;
 pub mod junit;
 pub mod page;
+mod passes;
 mod plan;
 #[cfg(test)]
 mod samples;
@@ -35,6 +36,7 @@ pub struct Arguments {
 enum Verb {
     Blame(blame::Arguments),
     Diff(Box<diff::Arguments>),
+    Passes(passes::Arguments),
     Plan(Box<plan::Arguments>),
 }
 
@@ -43,6 +45,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.verb {
         Some(Verb::Blame(arguments)) => blame::run(arguments),
         Some(Verb::Diff(arguments)) => diff::run(arguments),
+        Some(Verb::Passes(arguments)) => passes::run(arguments),
         Some(Verb::Plan(arguments)) => plan::run(arguments),
         None => certificate::run(&arguments.certificate),
     }

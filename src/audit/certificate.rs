@@ -1,7 +1,7 @@
 //! `vitruvian audit GRAPH`: the certificate of a whole graph.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use vitruvian_conformance::audit::report::{Audit, Grade};
 use vitruvian_conformance::audit::{self, Dump, OnnxRuntime, Party, inputs};
@@ -21,15 +21,8 @@ pub struct Arguments {
     // Not a plain path: a verb takes its place.
     #[arg(required = true)]
     graph: Option<PathBuf>,
-    /// An .npz with an array for each input, under the inputs' names; drawn from the seed without it
-    #[arg(long, value_name = "X.npz")]
-    inputs: Option<PathBuf>,
-    /// Length of a dimension that the graph leaves open, such as N=4
-    #[arg(long = "dim", value_name = "NAME=LENGTH", value_parser = dimension)]
-    dimensions: Vec<(String, usize)>,
-    /// Where drawn inputs begin
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+    #[command(flatten)]
+    inputs: Inputs,
     /// Who computes the numbers that are judged: ort (ONNX Runtime, optimisation off), or npz:DUMP.npz, tensors that anything else
     /// computed, under their ONNX names
     #[arg(long, value_name = "ort|npz:DUMP.npz", default_value = "ort", value_parser = second_party)]
@@ -48,6 +41,34 @@ pub struct Arguments {
     all: bool,
     #[command(flatten)]
     destinations: Destinations,
+}
+
+/// What a graph is given to compute with.
+#[derive(clap::Args)]
+pub struct Inputs {
+    /// An .npz with an array for each input, under the inputs' names; drawn from the seed without it
+    #[arg(long = "inputs", value_name = "X.npz")]
+    file: Option<PathBuf>,
+    /// Length of a dimension that the graph leaves open, such as N=4
+    #[arg(long = "dim", value_name = "NAME=LENGTH", value_parser = dimension)]
+    dimensions: Vec<(String, usize)>,
+    /// Where drawn inputs begin
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+impl Inputs {
+    /// The inputs and where they came from.
+    ///
+    /// # Errors
+    /// When the file cannot be read or does not fit the graph, or a length is open that no `--dim` gives.
+    pub fn given(&self, model: &Model) -> Result<(BTreeMap<String, TypedTensor>, String)> {
+        if let Some(file) = &self.file {
+            return Ok((Dump::open(file, model)?.inputs(model)?, format!("from {}", file.display())));
+        }
+        let dimensions = self.dimensions.iter().cloned().collect();
+        Ok(inputs::draw(model, self.seed, &dimensions)?)
+    }
 }
 
 /// Who computes the numbers that are judged.
@@ -103,21 +124,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     verdict(&audit)
 }
 
-/// The inputs and where they came from.
+/// The inputs and where they came from: where no file gives them, those of the dump.
 fn given(
     arguments: &Arguments,
     model: &Model,
     dump: Option<&mut Dump>,
 ) -> Result<(BTreeMap<String, TypedTensor>, String)> {
-    let from = |file: &Path| format!("from {}", file.display());
-    if let Some(file) = &arguments.inputs {
-        return Ok((Dump::open(file, model)?.inputs(model)?, from(file)));
+    match (dump, &arguments.runtime) {
+        (Some(dump), SecondParty::Dump(file)) if arguments.inputs.file.is_none() => {
+            Ok((dump.inputs(model)?, format!("from {}", file.display())))
+        }
+        _ => arguments.inputs.given(model),
     }
-    if let (Some(dump), SecondParty::Dump(file)) = (dump, &arguments.runtime) {
-        return Ok((dump.inputs(model)?, from(file)));
-    }
-    let dimensions = arguments.dimensions.iter().cloned().collect();
-    Ok(inputs::draw(model, arguments.seed, &dimensions)?)
 }
 
 /// Success, or the failure whose exit status is the verdict's.

@@ -115,19 +115,25 @@ fn nodes(audit: &Audit, look: Look) -> String {
     let shown = if look.all { order.len() } else { ROWS.min(order.len()) };
     let rows: Vec<Vec<String>> = order[..shown].iter().map(|node| row(node)).collect();
     let head = ["node", "operator", "grade", "csu", "n", "bits", "compared"];
-    let spare = |width: usize| {
-        let others = 1..head.len();
-        let widest = |column: usize| {
-            let cells = rows.iter().map(|row| row[column].chars().count());
-            cells.chain([head[column].len()]).max().unwrap_or(0) + 2
-        };
-        width.saturating_sub(2 + others.map(widest).sum::<usize>()).max(8)
+    let widest = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells.chain([head[column].len()]).max().unwrap_or(0) + 2
     };
-    let longest = look.width.map(spare);
+    // What the numbers leave is the operator's and, of that, all but a little the name's where it is scarce.
+    let texts = look.width.map(|width| {
+        let left = width.saturating_sub(2 + (2..head.len()).map(widest).sum::<usize>());
+        let name = left.saturating_sub(widest(1)).max(8);
+        [name, left.saturating_sub(name + 2).max(8)]
+    });
     let rows: Vec<Vec<String>> = rows
-        .into_iter()
-        .map(|mut row| {
-            row[0] = longest.map_or(row[0].clone(), |longest| ending(&row[0], longest));
+        .iter()
+        .map(|row| {
+            let mut row = row.clone();
+            if let Some(longest) = texts {
+                for (cell, longest) in row.iter_mut().zip(longest) {
+                    *cell = ending(cell, longest);
+                }
+            }
             row
         })
         .collect();

@@ -43,6 +43,11 @@ pub fn local_response_norm<T: Scalar>(x: &Tensor<T>, params: LocalResponse) -> T
                 let at = |k: usize| (sample * channels + k) * pixels + pixel;
                 let squares =
                     window.clone().fold(T::ZERO, |sum, k| sum.plus_product(x.data[at(k)], x.data[at(k)]));
+                let squares = if T::TRACKS_ROUNDING {
+                    slid(squares, (0..window.end).map(|k| x.data[at(k)]))
+                } else {
+                    squares
+                };
                 let base = T::exact(params.bias).plus(scale * squares);
                 let (power, log) = (base.value().powf(params.beta), base.value().ln());
                 let divisor =
@@ -52,6 +57,17 @@ pub fn local_response_norm<T: Scalar>(x: &Tensor<T>, params: LocalResponse) -> T
         }
     }
     y
+}
+
+/// A window's sum of squares as it may be had by sliding: each square of the channels so far is added once and taken away once,
+/// and what their roundings leave stays.
+fn slid<T: Scalar>(squares: T, so_far: impl Iterator<Item = T>) -> T {
+    let (mut magnitude, mut terms) = (0.0, 0.0_f64);
+    for x in so_far {
+        magnitude += x.magnitude() * x.magnitude();
+        terms = terms.max(2.0 * x.terms()) + 2.0;
+    }
+    T::within(squares.value(), magnitude.max(squares.magnitude()), terms.max(squares.terms()))
 }
 
 #[cfg(test)]

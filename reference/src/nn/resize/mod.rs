@@ -152,7 +152,9 @@ pub fn resize_alternatives<T: Scalar>(x: &Tensor<T>, params: &Resize, unit_round
 /// [`resize`] with every coordinate of an axis moved by as much as arithmetic of this unit roundoff may move it; the sign says where to.
 fn resize_shifted<T: Scalar>(x: &Tensor<T>, params: &Resize, unit_roundoffs: &[f64]) -> Tensor<T> {
     let mut y = x.clone();
-    let mut additions = 1.0;
+    // How many numbers are summed so far: implementations of two axes and more blend one that keeps its length too, out of two
+    // halves of its one pixel.
+    let mut sums = if matches!(params.interpolation, Interpolation::Linear { .. }) { 2.0 } else { 1.0 };
     let mut outside: Vec<(usize, Vec<bool>)> = Vec::new();
     for (resized, &unit_roundoff) in params.axes.iter().zip(unit_roundoffs) {
         let axis = resized.axis;
@@ -179,10 +181,10 @@ fn resize_shifted<T: Scalar>(x: &Tensor<T>, params: &Resize, unit_roundoffs: &[f
                 y = chosen(&y, axis, &places);
             }
             Interpolation::Linear { antialias } => {
-                y = params.blended(&y, resized, Kernel::Linear, antialias, &mut additions);
+                y = params.blended(&y, resized, Kernel::Linear, antialias, &mut sums);
             }
             Interpolation::Cubic { a, antialias } => {
-                y = params.blended(&y, resized, Kernel::Cubic(a), antialias, &mut additions);
+                y = params.blended(&y, resized, Kernel::Cubic(a), antialias, &mut sums);
             }
         }
     }
