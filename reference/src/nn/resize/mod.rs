@@ -257,12 +257,13 @@ impl Resize {
                 (stencil, pixels)
             })
             .collect();
-        // The taps of the kernel: of the four pixels that a linear stencil holds, two.
+        // The taps of the kernel: of the four pixels that a linear stencil holds, two, also where one pixel is both.
         let taps = stencils
             .iter()
             .map(|(stencil, _)| stencil.weights.iter().filter(|w| w.magnitude() != 0.0).count())
             .max()
-            .unwrap_or(1) as f64;
+            .unwrap_or(1)
+            .max(2) as f64;
         let additions = *sums * (taps - 1.0);
         *sums *= taps;
         let mut shape = x.shape.clone();
