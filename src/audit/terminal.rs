@@ -165,7 +165,12 @@ fn severity(node: &NodeReport) -> (u8, f64) {
 }
 
 fn row(node: &NodeReport) -> Vec<String> {
-    let mut cells = vec![plain(&node.name), plain(&node.op), node.verdict.to_string()];
+    // A node that was not compared has no grade; why is said beside the coverage.
+    let grade = match node.verdict {
+        Grade::NotComparable => "–".to_owned(),
+        grade => grade.to_string(),
+    };
+    let mut cells = vec![plain(&node.name), plain(&node.op), grade];
     match worst_tensor(node) {
         Some(tensor) => cells.extend([
             tensor.csu_max.map_or("∞".into(), number),
