@@ -7,6 +7,7 @@ use vitruvian_reference::nn::Rounded;
 
 use super::blame::Scene;
 use super::case::Case;
+use super::gap::{Evidence, SAYS_NOTHING};
 use super::node::Node;
 use super::party::{Held, Tensors};
 use super::report::{Coverage, Grade, NodeReport, Outside, Unsupported, WorstElement};
@@ -17,8 +18,9 @@ use crate::onnx::value::{Data, Value};
 /// Elements of the largest tensor that is filled in: each takes 24 bytes.
 const LARGEST_FILLED_IN: usize = 1 << 24;
 
-/// A bound of this share of the values says nothing about them.
-const SAYS_NOTHING: f64 = 0.1;
+/// Said of a node that no bound could judge.
+const BY_EVIDENCE: &str =
+    "are judged by drawn roundings, with those before them that were not kept: evidence, not proof";
 
 /// A node outside rounding.
 struct Suspect {
@@ -50,8 +52,15 @@ impl Findings {
         Self { computes, ..Self::default() }
     }
 
-    /// Adds the next node; its outputs that the party lacks are `missing`, with the reason, and are filled in.
-    pub fn add(&mut self, node: Node, missing: &BTreeMap<String, String>, held: &mut Tensors) {
+    /// Adds the next node; its outputs that the party lacks are `missing`, with the reason, and are filled in. Of a node
+    /// behind such tensors drawn roundings may have given `evidence`.
+    pub fn add(
+        &mut self,
+        node: Node,
+        missing: &BTreeMap<String, String>,
+        evidence: Option<Evidence>,
+        held: &mut Tensors,
+    ) {
         let Node { mut report, judgement, derived, case } = node;
         let index = self.nodes.len();
         if let Some(note) = judgement.note {
@@ -102,19 +111,33 @@ impl Findings {
         } else if report.verdict == Grade::NotComparable {
             self.unsupported.push(index);
         } else if !behind.is_empty() {
-            self.settle(&mut report, &behind, judgement.slack);
+            self.settle(&mut report, &behind, judgement.slack, evidence);
         }
         self.suspect(&report, case, judgement.worst, held);
         self.nodes.push(report);
     }
 
-    /// A node was judged whose operands were filled in: the nodes behind them are judged with it, if its bound says something.
-    fn settle(&mut self, report: &mut NodeReport, behind: &[usize], slack: f64) {
-        if slack > SAYS_NOTHING && report.verdict != Grade::G3 {
-            report.verdict = Grade::NotComparable;
+    /// A node was judged whose operands were filled in: the nodes behind them are judged with it, by the bound if it says
+    /// something, or else by the evidence of drawn roundings.
+    fn settle(&mut self, report: &mut NodeReport, behind: &[usize], slack: f64, evidence: Option<Evidence>) {
+        let proves = slack <= SAYS_NOTHING;
+        match evidence {
+            Some(evidence) if !proves || report.verdict > Grade::G1 => {
+                report.verdict = if proves { report.verdict.min(evidence.grade) } else { evidence.grade };
+                report.tensors.iter_mut().for_each(|tensor| tensor.verdict = report.verdict);
+                report.why = Some(format!(
+                    "its differences are {:.2} times the usual scatter of drawn roundings",
+                    evidence.share
+                ));
+                *self.conditions.entry(BY_EVIDENCE).or_default() += 1;
+            }
+            None if !proves => report.verdict = Grade::NotComparable,
+            _ => {}
+        }
+        if report.verdict == Grade::NotComparable {
+            let share = if slack < 1.0 { format!("{:.0} %", 100.0 * slack) } else { "all".to_owned() };
             report.why = Some(format!(
-                "its operands are missing, and rounding on the way to them could make {:.0} % of its values",
-                100.0 * slack
+                "its operands are missing, and rounding on the way to them could make {share} of its values"
             ));
             return;
         }

@@ -14,12 +14,13 @@
 //! | [`hypothesis`] | which mistake explains the numbers of a node that is outside rounding |
 //! | [`receptive_field`], [`source`], [`reproduction`] | what else is told about that node |
 //! | [`shipped`], [`passes`] | the session as shipped, and which optimiser changes what |
+//! | [`gap`] | nodes of which the second party kept nothing |
 //! | [`precision`], [`measure`], [`slope`] | the grade of an element, of a tensor, of what all its elements share |
 //!
 //! # What if the second party lacks a tensor?
 //! The reference fills it in from the tensors before it, with the bound of its rounding, and the next tensor that is there
-//! is judged against a bound that has grown along the way. The nodes between are judged together, and count as compared
-//! only if that bound still says something.
+//! is judged against a bound that has grown along the way, or against drawn roundings where that bound says nothing any
+//! more ([`gap`]). The nodes between are judged together, and count as compared only if either says something.
 
 mod blame;
 pub mod case;
@@ -32,6 +33,7 @@ mod division;
 pub mod dump;
 mod estimate;
 mod findings;
+mod gap;
 pub mod hypothesis;
 pub mod inputs;
 pub mod judge;
@@ -75,6 +77,7 @@ use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::TypedTensor;
 use chain::Chain;
 use findings::Findings;
+use gap::Gaps;
 use node::Node;
 use party::{Held, Segment, Tensors};
 use report::{GraphSummary, SCHEMA};
@@ -122,6 +125,7 @@ pub fn audit(
         last_use: last_uses(model),
         held: given(model, inputs)?,
         findings: Findings::new(party.computes()),
+        gaps: Gaps::default(),
         chain: Chain::new(model, inputs, options.chain),
     };
     while run.findings.nodes.len() < model.nodes().len() {
@@ -212,6 +216,7 @@ struct Run<'a> {
     last_use: BTreeMap<&'a str, usize>,
     held: Tensors,
     findings: Findings,
+    gaps: Gaps,
     chain: Chain,
 }
 
@@ -258,11 +263,14 @@ impl Run<'_> {
             for node in judged {
                 let index = node.report.index;
                 progress(index + 1, total, &node.report.name);
-                self.findings.add(node, &missing, &mut self.held);
                 let cost = costs[index - nodes.start];
+                let evidence = self.gaps.step(self.model, index, &self.held, &missing, cost);
+                self.findings.add(node, &missing, evidence, &mut self.held);
                 let report = &mut self.findings.nodes[index];
                 self.chain.step(self.model, index, &self.held, cost, report);
-                self.chain.retain(|name| self.last_use.get(name).is_some_and(|&last| last > index));
+                let needed = |name: &str| self.last_use.get(name).is_some_and(|&last| last > index);
+                self.chain.retain(needed);
+                self.gaps.retain(needed);
             }
             next = end;
         }

@@ -2,7 +2,8 @@
 
 use super::Suspicion;
 use super::change::{
-    chosen, flipped, misread, misread_back, operand_arranged, output_arranged, permuted, specified,
+    Arrangement, Meaning, chosen, flipped, misread, misread_back, operand_arranged, output_arranged,
+    permuted, specified,
 };
 use super::trial::Trial;
 
@@ -28,11 +29,7 @@ pub(super) fn suspicions(trial: &Trial) -> Vec<Suspicion> {
 }
 
 /// Channels last for channels first, and back.
-fn of_memory(
-    shape: &[usize],
-    what: &str,
-    arranged: impl Fn(super::change::Arrangement) -> super::change::Meaning,
-) -> Vec<Suspicion> {
+fn of_memory(shape: &[usize], what: &str, arranged: impl Fn(Arrangement) -> Meaning) -> Vec<Suspicion> {
     let rank = shape.len();
     if rank < 3 || shape[1] == 1 {
         return Vec::new();
@@ -60,20 +57,7 @@ fn of_memory(
 /// Axes of one length exchanged, and axes that run backwards.
 fn of_axes(shape: &[usize]) -> Vec<Suspicion> {
     let rank = shape.len();
-    let mut all = Vec::new();
-    for a in 0..rank {
-        for b in a + 1..rank {
-            if shape[a] == shape[b] && shape[a] > 1 {
-                let mut order: Vec<usize> = (0..rank).collect();
-                order.swap(a, b);
-                all.push(Suspicion::new(
-                    "axis-order",
-                    format!("axes {a} and {b} of the output were exchanged"),
-                    output_arranged(permuted(order)),
-                ));
-            }
-        }
-    }
+    let mut all = exchanged(shape, "the output", output_arranged);
     if rank == 5 && shape[2] == shape[3] && shape[3] == shape[4] {
         for order in [vec![0, 1, 3, 4, 2], vec![0, 1, 4, 2, 3]] {
             all.push(Suspicion::new(
@@ -112,20 +96,22 @@ fn of_operand(shape: &[usize], place: usize) -> Vec<Suspicion> {
             operand_arranged(place, chosen(rank - 1, (0..shape[rank - 1]).rev().collect())),
         ));
     }
-    for a in 0..rank {
-        for b in a + 1..rank {
-            if shape[a] == shape[b] && shape[a] > 1 {
-                let mut order: Vec<usize> = (0..rank).collect();
-                order.swap(a, b);
-                all.push(Suspicion::new(
-                    "axis-order",
-                    format!("axes {a} and {b} of operand {place} were exchanged"),
-                    operand_arranged(place, permuted(order)),
-                ));
-            }
-        }
-    }
+    all.extend(exchanged(shape, &format!("operand {place}"), |order| operand_arranged(place, order)));
     all
+}
+
+/// Two axes of one length in each other's place.
+fn exchanged(shape: &[usize], what: &str, arranged: impl Fn(Arrangement) -> Meaning) -> Vec<Suspicion> {
+    let pairs = (0..shape.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+    pairs
+        .filter(|&(a, b)| shape[a] == shape[b] && shape[a] > 1)
+        .map(|(a, b)| {
+            let mut order: Vec<usize> = (0..shape.len()).collect();
+            order.swap(a, b);
+            let detail = format!("axes {a} and {b} of {what} were exchanged");
+            Suspicion::new("axis-order", detail, arranged(permuted(order)))
+        })
+        .collect()
 }
 
 /// Slices of an axis in an order that the numbers themselves tell: each found slice is the expected one nearest to it.
