@@ -102,8 +102,10 @@ pub const OPTIMIZERS: [&str; 79] = [
 /// # Errors
 /// When ONNX Runtime is missing, or refuses the graph or the inputs.
 pub fn passes(model: &Model, inputs: &BTreeMap<String, TypedTensor>, threads: usize) -> Result<PassesReport> {
+    let embedded = model.embedded()?;
     let inputs = Inputs::new(inputs)?;
-    let mut search = Search { model, inputs: &inputs, threads, sessions: 0, plain: Vec::new() };
+    let mut search =
+        Search { model: embedded.as_ref(), inputs: &inputs, threads, sessions: 0, plain: Vec::new() };
     search.plain = search.run(Optimization::Disabled, &[])?;
     let changed = search.changed(&OPTIMIZERS)?;
     let mut notes = Vec::new();

@@ -55,6 +55,8 @@ pub fn shipped(
     threads: usize,
     nodes: &[NodeReport],
 ) -> Result<ShippedReport> {
+    let embedded = model.embedded()?;
+    let model = embedded.as_ref();
     let held = Inputs::new(inputs)?;
     let begin = Instant::now();
     let (outputs, optimised) = ship(model, &held, Optimization::All, threads)?;
@@ -433,6 +435,7 @@ fn meaning(domain: &str, operator: &str) -> Option<&'static str> {
 mod tests {
     use super::*;
     use crate::onnx::builder::{GraphBuilder, int, ints};
+    use crate::onnx::external::scattered;
     use crate::onnx::typed_tensor::Elements;
     use crate::problem::values::Values;
 
@@ -463,6 +466,14 @@ mod tests {
         let audit =
             audit(model, inputs, &mut party, &Options::default(), &mut |_, _, _| ()).expect("an audit");
         audit.shipped.expect("the session as shipped")
+    }
+
+    #[test]
+    fn weights_may_lie_beside_the_graph() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let scattered = Model::read(&scattered(fused().bytes(), folder.path())).expect("a model");
+        let inputs = inputs(&[1, 16, 6, 6]);
+        assert_eq!(audited(&scattered, &inputs), audited(&fused(), &inputs));
     }
 
     #[test]

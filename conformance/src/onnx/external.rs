@@ -8,9 +8,12 @@ use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
-use super::message::TensorProto;
+use super::message::{GraphProto, TensorProto};
 use super::structure::quoted;
 use super::typed_tensor::{TypedTensor, element_of, shape_of};
+
+/// The longest file that the container can be: lengths in it are of 31 bits.
+pub(super) const LONGEST: u64 = 1 << 31;
 
 /// Whether a tensor's elements lie in another file.
 pub(super) fn is_external(tensor: &TensorProto) -> bool {
@@ -126,6 +129,34 @@ impl Folder {
     }
 }
 
+/// Takes the elements of a graph's constants from the files beside it into the graph.
+///
+/// # Errors
+/// Names the constant and what is wrong with its file, or says that together they are too much for one file.
+pub(crate) fn embed(graph: &mut GraphProto, folder: Option<&Path>) -> Result<(), String> {
+    let mut files = Folder::of(folder);
+    let mut bytes = 0_u64;
+    for tensor in graph.initializer.iter_mut().filter(|tensor| is_external(tensor)) {
+        let item = |why: String| {
+            let name = tensor.name.as_deref().unwrap_or_default();
+            format!("initializer {}: {why}", quoted(name))
+        };
+        let element = element_of(tensor).map_err(item)?;
+        let places: usize = shape_of(tensor).map_err(item)?.iter().product();
+        bytes = bytes.saturating_add(places as u64 * element.size() as u64);
+        if bytes >= LONGEST {
+            return Err(item(
+                "with the constants before it it takes 2 GB or more, too much for one file".into(),
+            ));
+        }
+        let elements = files.read(tensor).map_err(item)?.elements;
+        tensor.raw_data = Some(elements.to_bytes().into());
+        tensor.data_location = None;
+        tensor.external_data.clear();
+    }
+    Ok(())
+}
+
 /// An entry of a tensor's external data.
 fn entry<'a>(tensor: &'a TensorProto, key: &str) -> Result<Option<&'a str>, String> {
     let mut entries = tensor.external_data.iter().filter(|entry| entry.key.as_deref() == Some(key));
@@ -143,10 +174,40 @@ fn number(tensor: &TensorProto, key: &str) -> Result<Option<u64>, String> {
     entry(tensor, key)?.map(read).transpose()
 }
 
+/// For tests: the graph of these bytes in a folder, with its constants in a file beside it.
+#[cfg(test)]
+pub(crate) fn scattered(bytes: &[u8], folder: &Path) -> PathBuf {
+    use super::message::{ModelProto, StringStringEntryProto};
+    use prost::Message as _;
+
+    let mut model = ModelProto::decode(bytes).expect("a model");
+    let mut weights = Vec::new();
+    for tensor in &mut model.graph.as_mut().expect("a graph").initializer {
+        let elements = TypedTensor::read(tensor).expect("elements").elements.to_bytes();
+        let entry =
+            |key: &str, value: String| StringStringEntryProto { key: Some(key.into()), value: Some(value) };
+        tensor.external_data = vec![
+            entry("location", "graph.onnx.data".into()),
+            entry("offset", weights.len().to_string()),
+            entry("length", elements.len().to_string()),
+        ];
+        (tensor.data_location, tensor.raw_data) = (Some(1), None);
+        tensor.float_data.clear();
+        tensor.int64_data.clear();
+        weights.extend(elements);
+    }
+    std::fs::write(folder.join("graph.onnx.data"), weights).expect("a file");
+    let path = folder.join("graph.onnx");
+    std::fs::write(&path, model.encode_to_vec()).expect("a file");
+    path
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::onnx::builder::GraphBuilder;
     use crate::onnx::message::StringStringEntryProto;
+    use crate::onnx::model::Model;
     use crate::onnx::typed_tensor::Elements;
 
     fn tensor(entries: &[(&str, &str)]) -> TensorProto {
@@ -225,5 +286,24 @@ mod tests {
         assert!(why(&[("offset", "0"), ("offset", "4")]).contains("twice"), "two of them");
         let huge = TensorProto { dims: vec![1 << 40, 1 << 15], ..tensor(&[("location", "w.bin")]) };
         assert!(files.check(&huge).expect_err("refused").contains("are asked for"), "a petabyte");
+    }
+
+    #[test]
+    fn a_graph_takes_in_what_lies_beside_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let bytes = GraphBuilder::new(20)
+            .input("x", &[2])
+            .constant("w", &[2], &[3.0, 4.0])
+            .node("Mul", &["x", "w"], &["y"], vec![])
+            .output("y")
+            .to_bytes();
+        let path = scattered(&bytes, folder.path());
+        let model = Model::read(&path).expect("a model");
+        let embedded = model.embedded().expect("all in one file").into_owned();
+        assert_eq!(embedded.folder(), None, "it needs nothing beside it");
+        assert_eq!(embedded.constant("w").expect("elements").elements, Elements::F32(vec![3.0, 4.0]));
+        std::fs::write(folder.path().join("graph.onnx.data"), [0; 4]).expect("a file");
+        let why = model.embedded().expect_err("refused").to_string();
+        assert!(why.contains("initializer \"w\"") && why.contains("graph.onnx.data"), "{why}");
     }
 }

@@ -22,7 +22,7 @@ pub mod attributes;
 pub mod builder;
 pub mod element;
 pub mod expose;
-mod external;
+pub(crate) mod external;
 mod inline;
 pub mod message;
 pub mod model;

@@ -7,6 +7,7 @@
 //!
 //! Elements that lie in other files stay there until they are asked for.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
@@ -14,7 +15,7 @@ use prost::Message as _;
 use prost::bytes::Bytes;
 use sha2::{Digest as _, Sha256};
 
-use super::external::{Folder, is_external};
+use super::external::{Folder, LONGEST, embed, is_external};
 use super::message::{GraphProto, ModelProto, NodeProto, TensorProto, ValueInfoProto};
 use super::structure::{self, Flaw, quoted};
 use super::tensor_info::TensorInfo;
@@ -22,9 +23,6 @@ use super::typed_tensor::{self, TypedTensor};
 use super::walk::OPSETS;
 use super::{inline, scan};
 use crate::error::{Error, Result};
-
-/// The longest file that the container can be: lengths in it are of 31 bits.
-const LONGEST: u64 = 1 << 31;
 
 /// A graph as read from a file, with its bytes for whoever wants to run it.
 #[derive(Clone, Debug)]
@@ -164,6 +162,22 @@ impl Model {
     /// The file's bytes, unchanged.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
+    }
+
+    /// The same file with the elements that lie in other files inside, for an engine that gets bytes and no path.
+    ///
+    /// # Errors
+    /// When a file has changed since, or all is too much for one file; names the constant.
+    pub fn embedded(&self) -> Result<Cow<'_, Self>> {
+        if !self.graph.initializer.iter().any(is_external) {
+            return Ok(Cow::Borrowed(self));
+        }
+        let failed = |message: String| Error::Onnx { graph: self.name.clone(), item: "file".into(), message };
+        let mut model = ModelProto::decode(self.bytes.clone()).map_err(|why| failed(why.to_string()))?;
+        if let Some(graph) = &mut model.graph {
+            embed(graph, self.folder.as_deref()).map_err(failed)?;
+        }
+        Self::from_bytes(&self.name, model.encode_to_vec()).map(Cow::Owned)
     }
 
     /// The graph itself; calls of the file's own functions are written out.

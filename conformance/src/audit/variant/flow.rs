@@ -1,6 +1,7 @@
 //! A graph as a flow of tensors: which node makes and reads which, and what they hold on given inputs.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use prost::Message as _;
 use vitruvian_runtime::session::{Optimization, Session, Settings};
@@ -32,12 +33,25 @@ pub struct Flow {
 }
 
 impl Flow {
-    /// Takes a file's bytes apart.
+    /// Takes the bytes of a file apart; weights may lie beside it.
     ///
     /// # Errors
     /// When they are no graph that can be taken apart, or ONNX Runtime does not load it.
+    pub fn of_file(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        Self::open(&path.display().to_string(), bytes, Some(folder))
+    }
+
+    /// As [`Flow::of_file`], of bytes that lie nowhere.
+    ///
+    /// # Errors
+    /// As [`Flow::of_file`].
     pub fn new(name: &str, bytes: &[u8]) -> Result<Self> {
-        let model = surgery::open(bytes).map_err(|message| fault(name, message))?;
+        Self::open(name, bytes, None)
+    }
+
+    fn open(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<Self> {
+        let model = surgery::open(bytes, folder).map_err(|message| fault(name, message))?;
         let graph = model.graph.clone().unwrap_or_default();
         let constants: BTreeSet<&str> = graph.initializer.iter().filter_map(|t| t.name.as_deref()).collect();
         let names = |infos: &[crate::onnx::message::ValueInfoProto]| -> Vec<String> {

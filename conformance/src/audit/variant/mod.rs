@@ -145,7 +145,7 @@ pub fn diff(
         if path.extension().is_some_and(|e| e == "npz") {
             return Ok(None);
         }
-        Ok(Some(Box::new(Flow::new(&path.display().to_string(), bytes)?)))
+        Ok(Some(Box::new(Flow::of_file(path, bytes)?)))
     };
     let flows = (open(base, &base_bytes)?, open(variant, &variant_bytes)?);
     let (lead, lead_path) = match &flows {

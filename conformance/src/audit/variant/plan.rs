@@ -36,7 +36,7 @@ pub fn plan(
 ) -> Result<PlanReport> {
     let started = Instant::now();
     let bytes = read(base)?;
-    let flow = Flow::new(&base.display().to_string(), &bytes)?;
+    let flow = Flow::of_file(base, &bytes)?;
     let mut setup = Setup::new(base, &flow, options)?;
     let draws = setup.draws.clone();
     progress(0, 3, "recording");

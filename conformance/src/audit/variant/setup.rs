@@ -374,7 +374,7 @@ impl Second {
         };
         let bytes = std::fs::read(path)
             .map_err(|source| crate::error::Error::Io { path: path.to_owned(), source })?;
-        let flow = Flow::new(&name, &bytes)?;
+        let flow = Flow::of_file(path, &bytes)?;
         let mut runner = flow.outputs_runner()?;
         let by_contract = |own: &[String], names: &[String], prefix: fn(&str) -> String| {
             own.iter().map(|own| prefix(own)).zip(names.iter().cloned()).collect()

@@ -11,10 +11,12 @@
 //! | `out:T` | an output: T in f32 |
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use prost::Message as _;
 
 use crate::onnx::builder::int;
+use crate::onnx::external::embed;
 use crate::onnx::message::{
     AttributeProto, DimensionProto, DimensionValue, GraphProto, ModelProto, NodeProto, TensorShapeProto,
     TensorTypeProto, TypeProto, ValueInfoProto,
@@ -62,11 +64,11 @@ pub fn out(tensor: &str) -> String {
     format!("out:{tensor}")
 }
 
-/// The graph of a file's bytes.
+/// The graph of a file's bytes, with the weights that lie beside it in `folder`.
 ///
 /// # Errors
-/// When they hold none, or one that cannot be taken apart: subgraphs, which read tensors unseen, and weights in other files.
-pub fn open(bytes: &[u8]) -> Result<ModelProto, String> {
+/// When they hold none, or one that cannot be taken apart, with subgraphs, which read tensors unseen; or weights are not there.
+pub fn open(bytes: &[u8], folder: Option<&Path>) -> Result<ModelProto, String> {
     let mut model = ModelProto::decode(bytes).map_err(|why| format!("not an ONNX model: {why}"))?;
     let graph = model.graph.as_mut().ok_or("an ONNX model without a graph")?;
     if let Some(node) =
@@ -77,12 +79,7 @@ pub fn open(bytes: &[u8]) -> Result<ModelProto, String> {
             "node \"{name}\" ({operator}) has a subgraph; graphs with If, Loop or Scan are not taken apart"
         ));
     }
-    if let Some(tensor) = graph.initializer.iter().find(|tensor| !tensor.external_data.is_empty()) {
-        let name = tensor.name.as_deref().unwrap_or("");
-        return Err(format!(
-            "initializer \"{name}\" lies in another file; save the graph in one file to have it taken apart"
-        ));
-    }
+    embed(graph, folder)?;
     graph.node = in_order(std::mem::take(&mut graph.node))?;
     Ok(model)
 }

@@ -15,6 +15,7 @@ use super::surgery::{Rewriting, feed, nudge, out};
 use super::{Options, diff, plan};
 use crate::array::Array;
 use crate::onnx::builder::{GraphBuilder, int};
+use crate::onnx::external::scattered;
 
 /// A folder that is removed again.
 struct Folder(PathBuf);
@@ -68,6 +69,19 @@ fn layers(names: &str, factor: f32) -> Vec<u8> {
 fn compared(folder: &Folder, base: &[u8], variant: &[u8], options: &Options) -> DiffReport {
     let (base, variant) = (folder.write("base.onnx", base), folder.write("variant.onnx", variant));
     diff(&base, &variant, options, &mut |_, _, _| ()).unwrap_or_else(|why| panic!("{why}"))
+}
+
+#[test]
+fn weights_may_lie_beside_the_graph() {
+    let folder = Folder::new("beside");
+    let base = folder.write("base.onnx", &layers("", 1.0));
+    let variant = scattered(&layers("", 1.0), &folder.0);
+    let options = Options { draws: 1, ..Options::default() };
+    let report = diff(&base, &variant, &options, &mut |_, _, _| ()).unwrap_or_else(|why| panic!("{why}"));
+    assert!(report.outputs.iter().all(|output| output.abs_max == Some(0.0)), "{:?}", report.outputs);
+    std::fs::remove_file(folder.0.join("graph.onnx.data")).expect("the weights");
+    let why = diff(&base, &variant, &options, &mut |_, _, _| ()).expect_err("refused").to_string();
+    assert!(why.contains("graph.onnx.data"), "{why}");
 }
 
 fn attribution(report: DiffReport) -> Attribution {
