@@ -50,7 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         words += &format!("\n  {}", answers::cause(first));
         answers::worst(first).iter().for_each(|line| words += &format!("\n  {line}"));
     }
-    destinations.write(&audit, || junit::xml(&audit), || page::certificate(&audit))?;
+    destinations.write(&audit, || junit::of_audit(&audit), || page::certificate(&audit))?;
     if !destinations.prints_json() {
         table::say(&words);
     }

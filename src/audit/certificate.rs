@@ -118,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bars.show("audit", done as u64, all as u64);
     })?;
     bars.clear();
-    destinations.write(&audit, || junit::xml(&audit), || page::certificate(&audit))?;
+    destinations.write(&audit, || junit::of_audit(&audit), || page::certificate(&audit))?;
     destinations.say(&terminal::text(&audit, terminal::Look::of_standard_output(arguments.all)));
     eprintln!("\n{}", terminal::next(&audit, destinations));
     verdict(&audit)

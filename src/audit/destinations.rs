@@ -6,16 +6,17 @@ use serde::Serialize;
 use vitruvian_runtime::error::Error;
 use vitruvian_runtime::file::atomic;
 
+use super::junit::Suite;
 use crate::failure::{Failure, Result};
 use crate::table;
 
 /// The files that a verb writes its report to, beside the words on the terminal.
 #[derive(clap::Args, Debug, Default)]
 pub struct Destinations {
-    /// Write the report as JSON (docs/audit.schema.json) to this file, or to standard output for -
+    /// Write the report as JSON (docs/audit.md names the schema) to this file, or to standard output for -
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Write the report as JUnit XML to this file: a test case for each node
+    /// Write the report as JUnit XML to this file: a test case for each node, or output
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,
     /// Write the report as one page that needs no network
@@ -55,7 +56,7 @@ impl Destinations {
     pub fn write(
         &self,
         report: &impl Serialize,
-        junit: impl FnOnce() -> String,
+        junit: impl FnOnce() -> Suite,
         html: impl FnOnce() -> String,
     ) -> Result<()> {
         if let Some(file) = &self.json {
@@ -68,7 +69,7 @@ impl Destinations {
             }
         }
         if let Some(file) = &self.junit {
-            atomic::write(file, junit().as_bytes())?;
+            atomic::write(file, junit().xml().as_bytes())?;
         }
         if let Some(file) = &self.html {
             atomic::write(file, html().as_bytes())?;

@@ -12,7 +12,9 @@ use vitruvian_conformance::audit::variant::{Options, attribution, diff};
 use vitruvian_runtime::error::Error;
 use vitruvian_runtime::file::atomic;
 
+use super::destinations::Destinations;
 use super::figures::{ending, list, number, optional, plain};
+use super::junit::{Case, Outcome, Suite};
 use super::page::page;
 use crate::failure::{Failure, Result};
 use crate::progress::StageBars;
@@ -44,12 +46,8 @@ pub struct Arguments {
     /// Take the reference's f64 chain for the truth instead of the base by ONNX Runtime
     #[arg(long)]
     reference: bool,
-    /// Write the report as JSON (schema vitruvian.audit.diff/1) to this file, or to standard output for -
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Write the report as one page that needs no network, with the error on the surface in 3-D
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
+    #[command(flatten)]
+    destinations: Destinations,
 }
 
 /// What `diff` and `plan` are given beside the graphs.
@@ -137,6 +135,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(budget) = arguments.budget_mm {
         check_budget(budget)?;
     }
+    arguments.destinations.check()?;
     let options = Options {
         budget_mm: arguments.budget_mm,
         attribute: !arguments.no_attribution,
@@ -148,10 +147,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let report = diff(&arguments.base, &arguments.variant, &options, shown);
     bars.clear();
     let report = report?;
-    write_json(arguments.json.as_ref(), &report, &text(&report))?;
-    if let Some(file) = &arguments.html {
-        atomic::write(file, html(&report).as_bytes())?;
-    }
+    arguments.destinations.write(&report, || suite(&report), || html(&report))?;
+    arguments.destinations.say(&text(&report));
     if report.budget_mm.is_some() && report.pass.is_none() {
         let message = "the outputs have no geometry that is known, so the budget says nothing";
         return Err(Failure::Usage(format!("{}: {message}", arguments.base.display())));
@@ -218,6 +215,55 @@ fn measured(report: &DiffReport) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// The report's test cases: the budget, and each output's numbers.
+fn suite(report: &DiffReport) -> Suite {
+    let case = |class: &str, name: &str, outcome| Case {
+        class: class.to_owned(),
+        name: name.to_owned(),
+        seconds: 0.0,
+        outcome,
+    };
+    let failed = |kind: &str, message: String| Outcome::Failed {
+        kind: kind.to_owned(),
+        message,
+        details: measured(report).join("\n"),
+    };
+    let budget = match (report.pass, report.budget_mm) {
+        (Some(true), _) => Outcome::Passed,
+        (Some(false), Some(budget)) => {
+            let found = report.millimetres.map_or("more than any number of".to_owned(), number);
+            failed("budget", format!("{found} mm, {budget} mm are allowed"))
+        }
+        _ => {
+            Outcome::Skipped("no budget was given, or the outputs have no geometry that is known".to_owned())
+        }
+    };
+    let finite = |output: &NumbersReport| {
+        let (base, variant) = (output.not_finite_base, output.not_finite_variant);
+        let outcome = if base == variant {
+            Outcome::Passed
+        } else {
+            failed("not finite", format!("{variant} numbers are not finite, in the base {base}"))
+        };
+        case("output", &output.name, outcome)
+    };
+    let budget = case("geometry", "millimetres", budget);
+    Suite {
+        verb: "audit diff",
+        name: report.variant.path.clone(),
+        properties: vec![
+            ("schema", report.schema.clone()),
+            ("base", report.base.path.clone()),
+            ("base.sha256", report.base.sha256.clone()),
+            ("variant.sha256", report.variant.sha256.clone()),
+            ("millimetres", report.millimetres.map_or(String::new(), |mm| mm.to_string())),
+            ("inputs", report.inputs.clone()),
+        ],
+        cases: std::iter::once(budget).chain(report.outputs.iter().map(finite)).collect(),
+        seconds: report.seconds,
+    }
 }
 
 /// The report as a page.

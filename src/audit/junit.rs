@@ -1,4 +1,4 @@
-//! An audit as JUnit XML: a test case for each node, for the tables that CI services make.
+//! Reports as JUnit XML, for the tables that CI services make: an audit has a test case for each node.
 
 use vitruvian_conformance::audit::report::{Audit, Grade, NodeReport};
 
@@ -6,56 +6,128 @@ use super::answers;
 use super::figures::{number, plain};
 use super::terminal::{words, worst_tensor};
 
-/// The XML file's text.
-///
-/// G2 and G3 are failures, as the exit status has it; a node that was not compared is skipped, with the reason.
-pub fn xml(audit: &Audit) -> String {
-    let count = |grades: &[Grade]| audit.nodes.iter().filter(|node| grades.contains(&node.verdict)).count();
-    let (failures, skipped) = (count(&[Grade::G2, Grade::G3]), count(&[Grade::NotComparable]));
-    let counts = format!(
-        "tests=\"{}\" failures=\"{failures}\" errors=\"0\" skipped=\"{skipped}\" time=\"{:.3}\"",
-        audit.nodes.len(),
-        audit.seconds
-    );
-    let properties = [
-        ("schema", audit.schema.clone()),
-        ("verdict", audit.verdict.to_string()),
-        ("graph.sha256", audit.graph.sha256.clone()),
-        ("runtime", audit.runtime.clone()),
-        ("inputs", audit.inputs.clone()),
-    ];
-    let properties: String = properties
-        .iter()
-        .map(|(name, value)| format!("      <property name=\"{name}\" value=\"{}\"/>\n", escaped(value)))
-        .collect();
-    let cases: String = audit.nodes.iter().map(|node| case(audit, node)).collect();
-    format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vitruvian audit\" {counts}>\n  \
-         <testsuite name=\"{}\" {counts}>\n    <properties>\n{properties}    </properties>\n{cases}  </testsuite>\n</testsuites>\n",
-        escaped(&audit.graph.path)
-    )
+/// The test cases of one report.
+pub struct Suite {
+    /// The verb, such as `audit`.
+    pub verb: &'static str,
+    /// What was looked at: a file.
+    pub name: String,
+    /// What else is to be known of the whole.
+    pub properties: Vec<(&'static str, String)>,
+    /// The cases, in the report's order.
+    pub cases: Vec<Case>,
+    /// Seconds it took.
+    pub seconds: f64,
 }
 
-fn case(audit: &Audit, node: &NodeReport) -> String {
-    let open = format!(
-        "    <testcase classname=\"{}\" name=\"{}\" time=\"{:.3}\"",
-        escaped(&node.op),
-        escaped(&node.name),
-        node.seconds
-    );
-    match node.verdict {
-        Grade::G0 | Grade::G1 => format!("{open}/>\n"),
-        Grade::G2 | Grade::G3 => format!(
-            "{open}>\n      <failure type=\"{}\" message=\"{}\">{}</failure>\n    </testcase>\n",
-            node.verdict,
-            escaped(&message(node)),
-            escaped(&details(audit, node))
-        ),
-        Grade::NotComparable => format!(
-            "{open}>\n      <skipped message=\"{}\"/>\n    </testcase>\n",
-            escaped(node.why.as_deref().unwrap_or("not comparable"))
-        ),
+/// One test case.
+pub struct Case {
+    /// What kind of thing it is about.
+    pub class: String,
+    /// Which one.
+    pub name: String,
+    /// Seconds it took.
+    pub seconds: f64,
+    /// What came of it.
+    pub outcome: Outcome,
+}
+
+/// What came of a test case.
+pub enum Outcome {
+    /// It is right.
+    Passed,
+    /// It is not.
+    Failed {
+        /// In what way, such as `G3`.
+        kind: String,
+        /// One line.
+        message: String,
+        /// What else helps.
+        details: String,
+    },
+    /// Nothing was found out, for this reason.
+    Skipped(String),
+}
+
+impl Suite {
+    /// The XML file's text.
+    pub fn xml(&self) -> String {
+        let count = |is: fn(&Outcome) -> bool| self.cases.iter().filter(|case| is(&case.outcome)).count();
+        let counts = format!(
+            "tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"{}\" time=\"{:.3}\"",
+            self.cases.len(),
+            count(|outcome| matches!(outcome, Outcome::Failed { .. })),
+            count(|outcome| matches!(outcome, Outcome::Skipped(_))),
+            self.seconds
+        );
+        let property = |(name, value): &(&str, String)| {
+            format!("      <property name=\"{name}\" value=\"{}\"/>\n", escaped(value))
+        };
+        let properties: String = self.properties.iter().map(property).collect();
+        let cases: String = self.cases.iter().map(Case::xml).collect();
+        format!(
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vitruvian {}\" {counts}>\n  \
+             <testsuite name=\"{}\" {counts}>\n    <properties>\n{properties}    </properties>\n{cases}  </testsuite>\n\
+             </testsuites>\n",
+            self.verb,
+            escaped(&self.name)
+        )
     }
+}
+
+impl Case {
+    fn xml(&self) -> String {
+        let open = format!(
+            "    <testcase classname=\"{}\" name=\"{}\" time=\"{:.3}\"",
+            escaped(&self.class),
+            escaped(&self.name),
+            self.seconds
+        );
+        match &self.outcome {
+            Outcome::Passed => format!("{open}/>\n"),
+            Outcome::Failed { kind, message, details } => format!(
+                "{open}>\n      <failure type=\"{}\" message=\"{}\">{}</failure>\n    </testcase>\n",
+                escaped(kind),
+                escaped(message),
+                escaped(details)
+            ),
+            Outcome::Skipped(why) => {
+                format!("{open}>\n      <skipped message=\"{}\"/>\n    </testcase>\n", escaped(why))
+            }
+        }
+    }
+}
+
+/// The test cases of an audit.
+///
+/// G2 and G3 are failures, as the exit status has it; a node that was not compared is skipped, with the reason.
+pub fn of_audit(audit: &Audit) -> Suite {
+    Suite {
+        verb: "audit",
+        name: audit.graph.path.clone(),
+        properties: vec![
+            ("schema", audit.schema.clone()),
+            ("verdict", audit.verdict.to_string()),
+            ("graph.sha256", audit.graph.sha256.clone()),
+            ("runtime", audit.runtime.clone()),
+            ("inputs", audit.inputs.clone()),
+        ],
+        cases: audit.nodes.iter().map(|node| of_node(audit, node)).collect(),
+        seconds: audit.seconds,
+    }
+}
+
+fn of_node(audit: &Audit, node: &NodeReport) -> Case {
+    let outcome = match node.verdict {
+        Grade::G0 | Grade::G1 => Outcome::Passed,
+        Grade::G2 | Grade::G3 => Outcome::Failed {
+            kind: node.verdict.to_string(),
+            message: message(node),
+            details: details(audit, node),
+        },
+        Grade::NotComparable => Outcome::Skipped(node.why.clone().unwrap_or("not comparable".into())),
+    };
+    Case { class: node.op.clone(), name: node.name.clone(), seconds: node.seconds, outcome }
 }
 
 fn message(node: &NodeReport) -> String {
@@ -103,7 +175,7 @@ mod tests {
 
     #[test]
     fn every_node_is_a_case_and_those_outside_fail() {
-        let text = xml(&samples::planted());
+        let text = of_audit(&samples::planted()).xml();
         let document = roxmltree::Document::parse(&text).expect("XML");
         let suite =
             document.descendants().find(|element| element.has_tag_name("testsuite")).expect("a suite");
@@ -137,7 +209,7 @@ mod tests {
     fn any_name_gives_xml_that_reads_back() {
         let mut audit = samples::clean();
         audit.nodes[0].name = "a<b>&\"'\n\u{1b}[2J\u{0}\u{ffff}]]>ß".into();
-        let text = xml(&audit);
+        let text = of_audit(&audit).xml();
         let document = roxmltree::Document::parse(&text).expect("XML");
         let case = document.descendants().find(|element| element.has_tag_name("testcase")).expect("a case");
         assert_eq!(case.attribute("name"), Some("a<b>&\"'\n\\u{1b}[2J\\u{0}\\u{ffff}]]>ß"));

@@ -23,7 +23,7 @@ pub struct Arguments {
     /// Threads within an operator of ONNX Runtime; 0 takes one per core
     #[arg(long, default_value_t = 2)]
     threads: usize,
-    /// Write the report as JSON to this file, or to standard output for -
+    /// Write the report as JSON (docs/audit.passes.schema.json) to this file, or to standard output for -
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -32,7 +32,7 @@ pub struct Arguments {
     /// Write the nodes to keep to this file, one name a line: node_block_list, nodes_to_exclude
     #[arg(long, value_name = "FILE")]
     list: Option<PathBuf>,
-    /// Write the report as JSON (schema vitruvian.audit.plan/1) to this file, or to standard output for -
+    /// Write the report as JSON (docs/audit.plan.schema.json) to this file, or to standard output for -
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -81,11 +81,21 @@ fn a_plan_s_graph_is_compared_and_a_budget_that_it_does_not_keep_ends_with_one()
             "--budget-mm",
             "0.001",
             "--no-attribution",
+            "--junit",
+            "@/diff.xml",
         ],
     );
     assert_eq!(outcome.status, 1, "{}", outcome.out);
     assert!(outcome.err.contains("0.001 mm are allowed"), "{}", outcome.err);
     assert!(outcome.out.contains("exceeded"), "{}", outcome.out);
+    let xml = fs::read_to_string(folder.path().join("diff.xml")).expect("the test cases");
+    let document = roxmltree::Document::parse(&xml).expect("XML");
+    let failures: Vec<_> = document
+        .descendants()
+        .filter(|element| element.has_tag_name("failure"))
+        .map(|failure| failure.parent_element().and_then(|case| case.attribute("name")))
+        .collect();
+    assert_eq!(failures, [Some("millimetres")], "{xml}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use vitruvian_runtime::session::{Optimization, Rewriting, Session, Settings};
 
-use super::report::{ChangedOutput, PassReport, PassesReport};
+use super::report::{ChangedOutput, PASSES_SCHEMA, PassReport, PassesReport};
 use super::shipped::{Inputs, largest_difference};
 use crate::error::Result;
 use crate::onnx::model::Model;
@@ -123,7 +123,14 @@ pub fn passes(model: &Model, inputs: &BTreeMap<String, TypedTensor>, threads: us
             passes.push(PassReport { names: names.into_iter().map(str::to_owned).collect(), outputs });
         }
     }
-    Ok(PassesReport { level: "all".into(), changed, passes, sessions: search.sessions, notes })
+    Ok(PassesReport {
+        schema: PASSES_SCHEMA.to_owned(),
+        level: "all".into(),
+        changed,
+        passes,
+        sessions: search.sessions,
+        notes,
+    })
 }
 
 struct Search<'a> {

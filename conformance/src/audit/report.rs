@@ -10,6 +10,9 @@ use crate::certificate::Verdict;
 /// The name and version of the JSON form. A field may be added under the same version, never renamed or removed.
 pub const SCHEMA: &str = "vitruvian.audit/1";
 
+/// The name and version of a passes report's JSON.
+pub const PASSES_SCHEMA: &str = "vitruvian.audit.passes/1";
+
 /// A verdict, or that there is none: what was not compared is never called right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 pub enum Grade {
@@ -348,6 +351,8 @@ pub struct ShippedTensor {
 /// Which optimisers change a graph's outputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PassesReport {
+    /// [`PASSES_SCHEMA`].
+    pub schema: String,
     /// The optimisation level.
     pub level: String,
     /// Outputs that differ from those of the session without optimisation.

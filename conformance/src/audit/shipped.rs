@@ -43,7 +43,7 @@ const FILLED_IN: f64 = 2e9;
 const EFFORT: f64 = 1e9;
 
 /// Seconds that loading and running the session once may take for the lower levels to be tried as well.
-const PATIENCE: f64 = 4.0;
+const PATIENCE: f64 = 1.0;
 
 /// Audits the session as shipped; `nodes` are the reports of the first audit.
 ///
@@ -107,7 +107,7 @@ pub fn shipped(
         first_changes(model, &held, threads, &prints, &mut tensors)?;
     } else if !prints.is_empty() {
         notes
-            .push(format!("at which level tensors change was not looked for: the session takes {once:.0} s"));
+            .push(format!("at which level tensors change was not looked for: the session takes {once:.1} s"));
     }
     judge(model, inputs, nodes, kept, &mut tensors, &mut notes)?;
     Ok(ShippedReport {

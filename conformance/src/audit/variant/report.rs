@@ -2,6 +2,7 @@
 //!
 //! Lengths are millimetres, pixels are those of a regressor's crop. A number that is not finite is absent.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The name and version of [`DiffReport`]'s JSON form. A field may be added under the same version, never renamed or removed.
@@ -11,7 +12,7 @@ pub const SCHEMA: &str = "vitruvian.audit.diff/1";
 pub const PLAN_SCHEMA: &str = "vitruvian.audit.plan/1";
 
 /// Two graphs, or a graph and a dump, compared on the same inputs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DiffReport {
     /// [`SCHEMA`].
     pub schema: String,
@@ -51,7 +52,7 @@ pub struct DiffReport {
 }
 
 /// One of the two that are compared.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Side {
     /// Its path as given.
     pub path: String,
@@ -64,7 +65,7 @@ pub struct Side {
 }
 
 /// Which tensors of the two were taken for the same.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Pairing {
     /// The inputs.
     pub inputs: Vec<Paired>,
@@ -73,7 +74,7 @@ pub struct Pairing {
 }
 
 /// A tensor of the base and the variant's that is the same.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Paired {
     /// Its name in the base.
     pub base: String,
@@ -88,7 +89,7 @@ pub struct Paired {
 }
 
 /// Which number of many distances is held against a budget.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Statistic {
     /// Their mean.
@@ -101,7 +102,7 @@ pub enum Statistic {
 }
 
 /// Many distances in a few numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
     /// How many there are.
     pub count: u64,
@@ -116,7 +117,7 @@ pub struct Summary {
 }
 
 /// What the outputs mean, and what the difference is in those terms.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Geometry {
     /// Joints and vertices of bodies.
@@ -128,7 +129,7 @@ pub enum Geometry {
 }
 
 /// How far two bodies are apart, over all inputs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BodyReport {
     /// Where vertices come from: the graph's own outputs, or a body posed by its pose and betas.
     pub body: String,
@@ -153,7 +154,7 @@ pub struct BodyReport {
 }
 
 /// The vertex that is farthest off.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WorstVertex {
     /// Its number.
     pub vertex: usize,
@@ -168,7 +169,7 @@ pub struct WorstVertex {
 }
 
 /// The joint that is farthest off.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WorstJoint {
     /// Its name, or its number where it has none.
     pub joint: String,
@@ -179,7 +180,7 @@ pub struct WorstJoint {
 }
 
 /// How far the surfaces of two fields are apart, over all inputs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FieldReport {
     /// How points were asked and what a unit is, in words.
     pub lattice: String,
@@ -216,7 +217,7 @@ pub struct FieldReport {
 }
 
 /// What a marched surface is, apart from its shape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct TopologyReport {
     /// Vertices.
     pub vertices: usize,
@@ -233,7 +234,7 @@ pub struct TopologyReport {
 }
 
 /// One output, number by number, over all inputs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NumbersReport {
     /// Its name in the base.
     pub name: String,
@@ -264,7 +265,7 @@ pub struct NumbersReport {
 }
 
 /// Which nodes cost the millimetres.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Attribution {
     /// What was done, in words.
     pub method: String,
@@ -283,7 +284,7 @@ pub struct Attribution {
 }
 
 /// How the tensors of two graphs were found to be the same.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Matched {
     /// Tensors that nodes of the base make.
     pub base_tensors: usize,
@@ -296,7 +297,7 @@ pub struct Matched {
 }
 
 /// What one node or group of nodes costs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Cost {
     /// The last node of the base in it, or the first and the last.
     pub name: String,
@@ -315,7 +316,7 @@ pub struct Cost {
 }
 
 /// A mesh with an error at each vertex.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct View {
     /// What it shows, in words.
     pub title: String,
@@ -328,7 +329,7 @@ pub struct View {
 }
 
 /// Which nodes to keep in f32.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PlanReport {
     /// [`PLAN_SCHEMA`].
     pub schema: String,
@@ -367,7 +368,7 @@ pub struct PlanReport {
 }
 
 /// One mixed graph that was run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Trial {
     /// Nodes kept in f32.
     pub kept: usize,
