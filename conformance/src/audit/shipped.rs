@@ -43,7 +43,7 @@ const FILLED_IN: f64 = 2e9;
 const EFFORT: f64 = 1e9;
 
 /// Seconds that loading and running the session once may take for the lower levels to be tried as well.
-const PATIENCE: f64 = 1.0;
+const PATIENCE: f64 = 0.5;
 
 /// Audits the session as shipped; `nodes` are the reports of the first audit.
 ///

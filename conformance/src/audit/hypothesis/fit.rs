@@ -39,8 +39,18 @@ impl Parameter {
     }
 }
 
-/// The suspicion with the number that fits best; `None` where the outputs do not depend on it.
-pub fn fitted(parameter: Parameter, trial: &Trial) -> Option<Suspicion> {
+/// The suspicions with the number that fits best, as an f32 and as it is written; none where the outputs do not depend on it.
+pub fn fitted(parameter: Parameter, trial: &Trial) -> Vec<Suspicion> {
+    let p = best(&parameter, trial).filter(|&p| p != parameter.start);
+    p.map_or(Vec::new(), |p| {
+        let suspicion =
+            |kept: f64| Suspicion::new(&parameter.name[..], (parameter.detail)(p), (parameter.meaning)(kept));
+        vec![suspicion(f64::from(p as f32)), suspicion(p)]
+    })
+}
+
+/// The number that fits best, as short as people write it.
+fn best(parameter: &Parameter, trial: &Trial) -> Option<f64> {
     let found = trial.found()?;
     let magnitudes: Vec<f64> = trial.values(&specified())?.iter().map(|y| y.magnitude).collect();
     let values = |p: f64| -> Option<Vec<f64>> {
@@ -78,12 +88,7 @@ pub fn fitted(parameter: Parameter, trial: &Trial) -> Option<Suspicion> {
         }
     }
     // A program keeps its numbers in f32.
-    let p = shortest(p, 3.0 * error + UNIT_ROUNDOFF * p.abs());
-    (p != parameter.start).then(|| Suspicion {
-        name: parameter.name.clone(),
-        detail: (parameter.detail)(p),
-        meaning: (parameter.meaning)(p),
-    })
+    Some(shortest(p, 3.0 * error + UNIT_ROUNDOFF * p.abs()))
 }
 
 /// The shortest decimal within `error` of p, or 1/k for an integer k, where that is shorter.

@@ -119,7 +119,7 @@ pub fn explain(
     }
     // Numbers that are another tensor's bit for bit need no evaluation; but a meaning that gives them says more.
     if candidates.explaining.is_empty() {
-        return stale::identical(case, others);
+        return stale::identical(case, others).or_else(|| stale::repeated(case));
     }
     named(candidates.explaining)
 }

@@ -4,6 +4,7 @@ use super::*;
 use crate::audit::cases_for_tests::{case, list, numbers, output};
 use crate::onnx::builder::{float, int, ints, text};
 use crate::onnx::message::AttributeProto;
+use crate::onnx::typed_tensor::Elements;
 
 /// What is named when the node was computed with other attributes.
 fn misread(right: &Case, attributes: &[AttributeProto]) -> Option<Hypothesis> {
@@ -31,8 +32,7 @@ fn a_node_within_rounding_is_not_explained() {
     let conv = case("Conv", vec![numbers("x", &[1, 4, 9, 9]), numbers("w", &[4, 4, 3, 3])], vec![]);
     assert_eq!(explain(&conv, None, &BTreeMap::new()), None, "nothing is outside");
     // Corners do not matter where all points are the centre.
-    let centre =
-        TypedTensor::new(&[1, 3, 3, 2], crate::onnx::typed_tensor::Elements::F32(vec![0.0; 18])).ok();
+    let centre = TypedTensor::new(&[1, 3, 3, 2], Elements::F32(vec![0.0; 18])).ok();
     let sampled =
         case("GridSample", vec![numbers("x", &[1, 2, 5, 5]), centre], vec![int("align_corners", 0)]);
     assert_eq!(misread(&sampled, &[int("align_corners", 1)]), None, "a mistake that changes nothing");
@@ -59,7 +59,7 @@ fn what_no_mistake_makes_has_no_name() {
     let mut case = right.clone();
     // Right and wrong in turn, each wrong one by another amount.
     let found = case.found[0].as_mut().expect("an output");
-    if let crate::onnx::typed_tensor::Elements::F32(values) = &mut found.elements {
+    if let Elements::F32(values) = &mut found.elements {
         for (i, y) in values.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
             *y += ((i * i) as f32).sin();
         }
@@ -81,4 +81,29 @@ fn numbers_of_another_tensor_are_found_among_the_others() {
     let hypothesis = explain(&case, None, &others).expect("a hypothesis");
     assert_eq!(hypothesis.name, "stale", "{}", hypothesis.detail);
     assert!(hypothesis.detail.contains("\"earlier\" for operand 0"), "{}", hypothesis.detail);
+}
+
+#[test]
+fn a_factor_that_an_engine_kept_in_f32_is_a_scale() {
+    // One weight a row, as skinning has: a product of one rounding, in which that of the factor itself shows.
+    let weights = (0..96 * 24).map(|i| if i % 24 == (i / 24) % 24 { 1.0 } else { 0.0 }).collect();
+    let weights = TypedTensor::new(&[96, 24], Elements::F32(weights)).ok();
+    let mut case = case("MatMul", vec![weights, numbers("transforms", &[24, 12])], vec![]);
+    let Some(TypedTensor { elements: Elements::F32(found), .. }) = &mut case.found[0] else { panic!("f32") };
+    found.iter_mut().for_each(|y| *y *= 1.0005);
+    let hypothesis = explain(&case, None, &BTreeMap::new()).expect("a hypothesis");
+    assert_eq!(hypothesis.name, "scale", "{}", hypothesis.detail);
+    assert!(hypothesis.detail.contains("1.0005 times"), "{}", hypothesis.detail);
+}
+
+#[test]
+fn one_of_a_batch_that_is_another_is_named_in_a_large_node_too() {
+    let operands = vec![numbers("x", &[3, 4, 96, 96]), numbers("w", &[16, 4, 3, 3])];
+    let mut case = case("Conv", operands, vec![ints("pads", &[1, 1, 1, 1])]);
+    let Some(TypedTensor { elements: Elements::F32(found), .. }) = &mut case.found[0] else { panic!("f32") };
+    let slice = found.len() / 3;
+    found.copy_within(2 * slice.., 0);
+    let hypothesis = explain(&case, None, &BTreeMap::new()).expect("a hypothesis");
+    assert_eq!(hypothesis.name, "batch-order", "{}", hypothesis.detail);
+    assert!(hypothesis.detail.contains("slices 0 and 2 along axis 0"), "{}", hypothesis.detail);
 }
