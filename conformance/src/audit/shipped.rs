@@ -6,8 +6,8 @@
 //! survive in it under their own names can be asked for without disturbing anything.
 //!
 //! Each is compared with the session without optimisation, bit by bit, and with the reference: evaluated, by the original nodes,
-//! from the last surviving tensors before it, with the bound that rounding earns along the way. Where that chain is too long for the
-//! bound to say anything, or would take too long, there is no verdict, and the report says so.
+//! from the last surviving tensors before it, with the bound that rounding earns along the way or, where that says nothing any
+//! more, by drawn roundings. Where this would take too long there is no verdict, and the report says so.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -15,9 +15,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use sha2::{Digest as _, Sha256};
-use vitruvian_runtime::session::{
-    Dimension, Input, Optimization, Rewriting, Session, Settings, TensorInfo, Value,
-};
+use vitruvian_runtime::session::{Input, Optimization, Rewriting, Session, Settings, Value};
 
 use super::onnx_runtime::{given, taken};
 use super::party::{Party, Segment, Tensors};
@@ -63,17 +61,15 @@ pub fn shipped(
     let once = begin.elapsed().as_secs_f64();
     let mut notes = Vec::new();
     let survivors = survivors(model, &optimised);
-    let mut plain = Exposed::new(model, &survivors, threads)?;
-    let asked = plain.affordable(&survivors, &model.outputs());
+    let asked = affordable(&survivors, &model.outputs(), nodes);
     if asked.len() < survivors.len() {
         let (few, all, size) = (asked.len(), survivors.len(), ASKED >> 20);
         notes.push(format!(
             "of {all} surviving tensors {few} were compared, evenly chosen to stay below {size} MB"
         ));
     }
-    let before = plain.run(&held, &asked)?;
+    let before = Exposed::new(model, &asked, threads)?.run(&held, &asked)?;
     let after = Exposed::new(&optimised, &asked, threads)?.run(&held, &asked)?;
-    drop(plain);
 
     let mut tensors = Vec::new();
     let mut prints = BTreeMap::new();
@@ -214,24 +210,19 @@ impl Exposed {
     fn run(&mut self, inputs: &Inputs, tensors: &[&str]) -> Result<Vec<TypedTensor>> {
         inputs.run(&mut self.0, tensors)
     }
-
-    /// The tensors, or where they have more than [`ASKED`] bytes by the lengths that are known, every k-th of them beside the
-    /// graph's own outputs.
-    fn affordable<'a>(&self, tensors: &[&'a str], outputs: &[&str]) -> Vec<&'a str> {
-        let bytes: BTreeMap<&str, usize> =
-            self.0.outputs().iter().map(|info| (info.name.as_str(), bytes_of(info))).collect();
-        let all = tensors.iter().filter_map(|name| bytes.get(name));
-        let step = all.fold(0_usize, |sum, bytes| sum.saturating_add(*bytes)).div_ceil(ASKED).max(1);
-        let chosen = tensors.iter().enumerate();
-        let chosen = chosen.filter(|(i, name)| i % step == 0 || outputs.contains(*name));
-        chosen.map(|(_, name)| *name).collect()
-    }
 }
 
-/// Bytes of a tensor of the declared lengths, of which those that are free count as a hundred.
-fn bytes_of(info: &TensorInfo) -> usize {
-    let side = |dimension: &Dimension| dimension.fixed().unwrap_or(100);
-    info.shape.iter().map(side).fold(4, usize::saturating_mul)
+/// The tensors, or where they have more than [`ASKED`] bytes by the first audit, every k-th of them beside the graph's own
+/// outputs. One that was not compared there counts as the largest.
+fn affordable<'a>(tensors: &[&'a str], outputs: &[&str], nodes: &[NodeReport]) -> Vec<&'a str> {
+    let reports = nodes.iter().flat_map(|node| &node.tensors);
+    let bytes: BTreeMap<&str, usize> =
+        reports.map(|tensor| (tensor.name.as_str(), tensor.shape.iter().product::<usize>() * 4)).collect();
+    let largest = bytes.values().copied().max().unwrap_or(0);
+    let all: usize = tensors.iter().map(|name| bytes.get(name).copied().unwrap_or(largest)).sum();
+    let step = all.div_ceil(ASKED).max(1);
+    let chosen = tensors.iter().enumerate().filter(|(i, name)| i % step == 0 || outputs.contains(*name));
+    chosen.map(|(_, name)| *name).collect()
 }
 
 /// What tells tensors apart, bit by bit, without keeping them.
