@@ -112,6 +112,10 @@ impl Findings {
             self.unsupported.push(index);
         } else if !behind.is_empty() {
             self.settle(&mut report, &behind, judgement.slack, evidence);
+        } else if judgement.is_unbounded && report.verdict != Grade::G3 {
+            report.verdict = Grade::NotComparable;
+            report.why = Some("rounding inside it could make all of its values".to_owned());
+            self.unsupported.push(index);
         }
         self.suspect(&report, case, judgement.worst, held);
         self.nodes.push(report);

@@ -9,6 +9,7 @@ use super::discontinuity::{self, Outcomes};
 use super::division::{Division, Source};
 use super::measure::Measure;
 use super::reading::Reading;
+use super::recurrence;
 use super::region::{Region, flat, part, value_flat};
 use super::report::{Grade, TensorReport, WorstElement};
 use super::same_order;
@@ -44,6 +45,8 @@ pub struct Judgement {
     pub note: Option<&'static str>,
     /// Root mean square of the bounds over that of the values: at least one where nothing is promised.
     pub(super) slack: f64,
+    /// Whether an element's bound is infinite, so that its grade says nothing.
+    pub(super) is_unbounded: bool,
     /// The reference's outputs, for those that the second party did not keep.
     pub(super) derived: Vec<Option<Value<Rounded>>>,
 }
@@ -64,6 +67,7 @@ impl Judgement {
             csu: 0.0,
             note: None,
             slack: 0.0,
+            is_unbounded: false,
             derived: vec![None; view.node.output.len()],
         }
     }
@@ -84,6 +88,7 @@ impl Judgement {
         }
         self.csu = self.csu.max(measure.csu());
         self.slack = self.slack.max(measure.slack());
+        self.is_unbounded |= measure.is_unbounded();
         let report = measure.report(name, &found.shape, groups(view, &found.shape));
         self.verdict = self.verdict.max(report.verdict);
         self.tensors.push(TensorReport { sample, ..report });
@@ -109,6 +114,7 @@ impl Judgement {
             csu: f64::INFINITY,
             note: None,
             slack: 0.0,
+            is_unbounded: false,
             derived: Vec::new(),
         }
     }
@@ -176,6 +182,12 @@ fn elements(view: &View) -> usize {
 /// Judges under one reading of the operands: the whole node at once where it is small, or else output by output in pieces.
 fn read(view: &View, reading: Reading, effort: f64) -> Judgement {
     let asked = || view.node.output.iter().enumerate().filter(|(_, name)| !name.is_empty());
+    if let Some(states) = recurrence::shown(view) {
+        let stepwise = |node: &NodeProto, opset: i64, operands: &[Option<&Value<Rounded>>]| {
+            recurrence::step_by_step(node, opset, operands, states)
+        };
+        return whole(view, reading, &stepwise, &|_, _, _| Vec::new());
+    }
     let all_found = asked().all(|(k, _)| view.found.get(k).is_some_and(Option::is_some));
     if !all_found && cost(view) > MOST_FILLED_IN {
         return Judgement::incomparable(format!("{:.0e} products are too many to be filled in", cost(view)));

@@ -48,6 +48,7 @@ pub struct Measure {
     scale_squares: f64,
     bound_squares: f64,
     value_squares: f64,
+    unbounded: bool,
     bad: Vec<Bad>,
     special: Special,
     undecidable: u64,
@@ -75,6 +76,7 @@ impl Measure {
             scale_squares: 0.0,
             bound_squares: 0.0,
             value_squares: 0.0,
+            unbounded: false,
             bad: Vec::new(),
             special: Special::default(),
             undecidable: 0,
@@ -95,6 +97,11 @@ impl Measure {
     /// Root mean square of the bounds over that of the values: at least one where nothing is promised.
     pub fn slack(&self) -> f64 {
         if self.bound_squares == 0.0 { 0.0 } else { (self.bound_squares / self.value_squares).sqrt() }
+    }
+
+    /// Whether an element's bound is infinite.
+    pub fn is_unbounded(&self) -> bool {
+        self.unbounded
     }
 
     /// Whether a number could be one that is expected.
@@ -131,7 +138,9 @@ impl Measure {
         // A dot product of n random terms is of the size m·√(2/n), which is its magnitude for one and two.
         let scale = expected.magnitude * (2.0 / expected.terms.max(2.0)).sqrt();
         self.scale_squares += scale * scale;
-        self.bound_squares += precision.bound(expected).powi(2);
+        let bound = precision.bound(expected);
+        self.unbounded |= !bound.is_finite();
+        self.bound_squares += bound * bound;
         self.value_squares += value * value;
         if value != 0.0 && Deviation::key(value).is_multiple_of(self.thinning) {
             let (error, value) = (error / unit, value / unit);
@@ -208,6 +217,7 @@ impl Measure {
     pub fn join(&mut self, other: Self) {
         self.verdict = self.verdict.max(other.verdict);
         self.compared += other.compared;
+        self.unbounded |= other.unbounded;
         self.terms = self.terms.max(other.terms);
         self.csu_max = self.csu_max.max(other.csu_max);
         self.csu_squares += other.csu_squares;

@@ -14,6 +14,7 @@
 //! | [`hypothesis`] | which mistake explains the numbers of a node that is outside rounding |
 //! | [`receptive_field`], [`source`], [`reproduction`] | what else is told about that node |
 //! | [`shipped`], [`passes`] | the session as shipped, and which optimiser changes what |
+//! | [`recurrence`] | recurrent layers, step by step |
 //! | [`gap`] | nodes of which the second party kept nothing |
 //! | [`precision`], [`measure`], [`slope`] | the grade of an element, of a tensor, of what all its elements share |
 //!
@@ -45,6 +46,7 @@ pub mod passes;
 pub mod precision;
 mod reading;
 pub mod receptive_field;
+mod recurrence;
 pub mod region;
 pub mod report;
 pub mod reproduction;

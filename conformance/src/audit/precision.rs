@@ -17,6 +17,9 @@
 //! A result that the type cannot hold must be the infinity that rounding gives. Where only the magnitude is beyond the type
 //! an intermediate result may overflow although the result does not: unusual, not impossible.
 //!
+//! # And a bound that is infinite?
+//! It accuses nobody and acquits nobody: the element is unusual, and whoever judges the tensor has to say so.
+//!
 //! # And flushing to zero?
 //! Processors may be told to replace subnormal results by zero. That is accepted, and counted: it is no rounding.
 //!
@@ -114,7 +117,10 @@ impl Precision {
         let error = found - value;
         let size = error.abs();
         let share = if bound > 0.0 { size / bound } else { f64::INFINITY };
-        if size > bound || !(0.0..f64::INFINITY).contains(&bound) {
+        if !bound.is_finite() {
+            return graded(Verdict::Unusual, error, 0.0);
+        }
+        if size > bound {
             if found == 0.0 && value.abs() < self.normal + bound {
                 return Graded { verdict: Verdict::Rounding, error, share: 1.0, flushed: true };
             }

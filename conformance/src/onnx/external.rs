@@ -143,7 +143,7 @@ pub(crate) fn embed(graph: &mut GraphProto, folder: Option<&Path>) -> Result<(),
         };
         let element = element_of(tensor).map_err(item)?;
         let places: usize = shape_of(tensor).map_err(item)?.iter().product();
-        bytes = bytes.saturating_add(places as u64 * element.size() as u64);
+        bytes = bytes.saturating_add((places as u64).saturating_mul(element.size() as u64));
         if bytes >= LONGEST {
             return Err(item(
                 "with the constants before it it takes 2 GB or more, too much for one file".into(),
