@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::case::Case;
-use super::hypothesis::explain;
+use super::hypothesis::{Others, explain};
 use super::party::{Held, Tensors};
 use super::receptive_field::{receptive_field, text};
 use super::report::Outside;
 use super::{Options, reproduction};
 use crate::error::Result;
+use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::TypedTensor;
 
 /// Bytes of further tensors that are kept for a stale output to be found among them.
@@ -57,7 +58,7 @@ impl Scene {
     ///
     /// # Errors
     /// When the reproduction was asked for and cannot be written.
-    pub fn blame(&self, outside: &mut Outside, options: &Options, party: &str) -> Result<()> {
+    pub fn blame(&self, outside: &mut Outside, options: &Options, party: &str, model: &Model) -> Result<()> {
         let Some(case) = Some(&self.case).filter(|case| case.name == outside.node) else { return Ok(()) };
         for worst in &mut outside.worst {
             let output = case.node.output.iter().position(|name| *name == worst.tensor);
@@ -73,11 +74,23 @@ impl Scene {
         }
         let first = case.node.output.first();
         let place = outside.worst.iter().find(|worst| Some(&worst.tensor) == first);
-        outside.hypothesis = explain(case, place.map(|worst| &worst.index[..]), &self.others);
+        let others = Others { tensors: &self.others, later: &computed_from(model, &case.node.output) };
+        outside.hypothesis = explain(case, place.map(|worst| &worst.index[..]), others);
         if let Some(parent) = &options.reproductions {
             let folder = reproduction::write(parent, case, &self.constants, party)?;
             outside.reproduction = Some(folder.display().to_string());
         }
         Ok(())
     }
+}
+
+/// The tensors that are computed from these.
+fn computed_from(model: &Model, names: &[String]) -> BTreeSet<String> {
+    let mut all: BTreeSet<String> = names.iter().cloned().collect();
+    for node in model.nodes() {
+        if node.input.iter().any(|name| all.contains(name)) {
+            all.extend(node.output.iter().cloned());
+        }
+    }
+    all
 }

@@ -141,7 +141,7 @@ pub fn audit(
     }
     let mut first_outside = findings.first_outside();
     if let (Some(outside), Some(scene)) = (&mut first_outside, findings.scene_outside()) {
-        scene.blame(outside, options, &party.describe())?;
+        scene.blame(outside, options, &party.describe(), model)?;
     }
     let coverage = findings.coverage(party.unmatched());
     let shipped = party.ships().and_then(|threads| {

@@ -92,12 +92,21 @@ pub fn operand(
     place: usize,
     change: impl Fn(&Value<Rounded>) -> Option<Value<Rounded>> + Send + Sync + 'static,
 ) -> Meaning {
+    operand_then(place, change, specified())
+}
+
+/// A meaning of the node with one operand changed.
+pub fn operand_then(
+    place: usize,
+    change: impl Fn(&Value<Rounded>) -> Option<Value<Rounded>> + Send + Sync + 'static,
+    meaning: Meaning,
+) -> Meaning {
     Box::new(move |node, opset, operands| {
         let old = operands.get(place).copied().flatten().ok_or("has no such operand")?;
         let new = change(old).ok_or("has no such change")?;
         let mut operands = operands.to_vec();
         operands[place] = Some(&new);
-        walk::evaluate(node, opset, &operands)
+        meaning(node, opset, &operands)
     })
 }
 
@@ -106,6 +115,17 @@ pub fn numbers(place: usize, change: impl Fn(f64) -> f64 + Send + Sync + 'static
     operand(place, move |old| {
         let element = old.element;
         changed(old, |x| element.round(change(x.value)))
+    })
+}
+
+/// The node with every element of one operand changed, be they numbers or integers.
+pub fn elements(place: usize, change: impl Fn(f64) -> f64 + Send + Sync + 'static) -> Meaning {
+    operand(place, move |old| match &old.data {
+        Data::Integers(x) => {
+            let new = x.map(|i| change(i as f64) as i64);
+            Some(Value { element: old.element, data: Data::Integers(new) })
+        }
+        _ => changed(old, |x| old.element.round(change(x.value))),
     })
 }
 

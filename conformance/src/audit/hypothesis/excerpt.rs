@@ -51,14 +51,16 @@ fn cut_to(case: &Case, worst: Option<&[usize]>, products: f64) -> Vec<Excerpt> {
     let worst = worst.filter(|worst| worst.len() == shape.len()).unwrap_or(&zeros);
     let operator = case.node.op_type.as_deref().unwrap_or_default();
     let parts: Vec<Excerpt> = match operator {
-        "Conv" | "ConvTranspose" | "AveragePool" | "MaxPool" | "LpPool" => {
+        "Conv" | "ConvTranspose" | "ConvInteger" | "QLinearConv" | "AveragePool" | "MaxPool" | "LpPool" => {
             let mut parts: Vec<Excerpt> = windowed(case, worst, products).into_iter().collect();
             let corner: Vec<usize> =
                 worst.iter().enumerate().map(|(axis, &i)| if axis < 2 { i } else { 0 }).collect();
             parts.extend(windowed(case, &corner, products));
             parts
         }
-        "MatMul" | "Gemm" => product(case, worst, products).into_iter().collect(),
+        "MatMul" | "Gemm" | "MatMulInteger" | "QLinearMatMul" => {
+            product(case, worst, products).into_iter().collect()
+        }
         _ => leading(case, worst, products).into_iter().collect(),
     };
     if parts.is_empty() && cost <= DEAR { vec![whole()] } else { parts }
@@ -95,6 +97,11 @@ fn cost(case: &Case) -> f64 {
     (output * each).max(operands)
 }
 
+/// The place of the weights, or of the second matrix.
+pub fn weights(operator: &str) -> usize {
+    if operator.starts_with("QLinear") { 3 } else { 1 }
+}
+
 fn tensor(case: &Case, place: usize) -> Option<&TypedTensor> {
     case.operands.get(place)?.as_ref()
 }
@@ -119,14 +126,15 @@ fn around(place: usize, length: usize, side: usize) -> Range<usize> {
 fn windowed(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     let node = &case.node;
     let transposed = node.op_type.as_deref() == Some("ConvTranspose");
-    let pool = node.op_type.as_deref().is_some_and(|name| name.ends_with("Pool"));
+    let operator = node.op_type.as_deref().unwrap_or_default();
+    let (pool, weights) = (operator.ends_with("Pool"), weights(operator));
     let x = tensor(case, 0)?;
     let y = case.found.first()?.as_ref()?;
     let axes = y.shape.len().checked_sub(2)?;
     let kernel: Vec<i64> = if pool {
         ints(node, "kernel_shape")
     } else {
-        tensor(case, 1)?.shape.get(2..)?.iter().map(|&k| k as i64).collect()
+        tensor(case, weights)?.shape.get(2..)?.iter().map(|&k| k as i64).collect()
     };
     let along =
         |name: &str, axis: usize, default: i64| ints(node, name).get(axis).copied().unwrap_or(default);
@@ -176,11 +184,14 @@ fn windowed(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     let mut operands = case.operands.clone();
     operands[0] = Some(cut(x, &inputs)?);
     if !pool && groups == 1 {
-        let w = tensor(case, 1)?;
+        let w = tensor(case, weights)?;
         let kernels = if transposed { vec![0..w.shape[0], channels.clone()] } else { vec![channels.clone()] };
-        operands[1] = Some(cut(w, &kernels)?);
-        if let Some(bias) = tensor(case, 2) {
-            operands[2] = Some(cut(bias, &[channels])?);
+        operands[weights] = Some(cut(w, &kernels)?);
+        // The bias, and scales and zero points of channels.
+        for parameter in operands.iter_mut().skip(weights + 1).flatten() {
+            if parameter.shape.iter().product::<usize>() > 1 || parameter.shape == [y.shape[1]] {
+                *parameter = cut(parameter, std::slice::from_ref(&channels))?;
+            }
         }
     }
     // Further outputs, such as a pool's places, count through the whole operand.
@@ -191,14 +202,16 @@ fn windowed(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
 
 /// Some rows and columns of a matrix product.
 fn product(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
-    let (a, b) = (tensor(case, 0)?, tensor(case, 1)?);
+    let operator = case.node.op_type.as_deref().unwrap_or_default();
+    let weights = weights(operator);
+    let (a, b) = (tensor(case, 0)?, tensor(case, weights)?);
     let y = case.found.first()?.as_ref()?;
     let rank = y.shape.len();
     if rank < 2 || a.shape.len() != rank || b.shape.len() < 2 || (b.shape.len() != 2 && b.shape.len() != rank)
     {
         return None;
     }
-    let gemm = case.node.op_type.as_deref() == Some("Gemm");
+    let gemm = operator == "Gemm";
     let flipped = |name: &str| gemm && int(&case.node, name, 0) == 1;
     let depth = cost(case) / y.len() as f64;
     // Whole columns where a few rows of them are cheap: so a matrix that was transposed can still be.
@@ -229,8 +242,22 @@ fn product(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     }
     let mut operands = case.operands.clone();
     operands[0] = Some(cut(a, &left)?);
-    operands[1] = Some(cut(b, &right)?);
-    if let Some(c) = tensor(case, 2) {
+    operands[weights] = Some(cut(b, &right)?);
+    // Scales and zero points, of all or one each row or column.
+    let parameters: &[(usize, &Range<usize>)] = match operator {
+        "MatMulInteger" => &[(2, &m), (3, &n)],
+        "QLinearMatMul" => &[(1, &m), (2, &m), (4, &n), (5, &n)],
+        _ => &[],
+    };
+    for &(place, range) in parameters {
+        let Some(parameter) = operands.get_mut(place).and_then(Option::as_mut) else { continue };
+        match parameter.shape[..] {
+            [] | [1] => {}
+            [_] => *parameter = cut(parameter, std::slice::from_ref(range))?,
+            _ => return None,
+        }
+    }
+    if gemm && let Some(c) = tensor(case, 2) {
         let ranges = [&m, &n];
         let sides: Vec<Range<usize>> = c
             .shape

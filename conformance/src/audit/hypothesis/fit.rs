@@ -92,7 +92,7 @@ fn best(parameter: &Parameter, trial: &Trial) -> Option<f64> {
 }
 
 /// The shortest decimal within `error` of p, or 1/k for an integer k, where that is shorter.
-fn shortest(p: f64, error: f64) -> f64 {
+pub fn shortest(p: f64, error: f64) -> f64 {
     if p.abs() <= error {
         return 0.0;
     }

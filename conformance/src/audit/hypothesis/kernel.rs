@@ -8,12 +8,9 @@ use crate::onnx::builder;
 
 pub(super) fn suspicions(trial: &Trial) -> Vec<Suspicion> {
     match trial.operator() {
-        "Conv" | "ConvInteger" => {
-            [steps(trial), weights(trial, 1), groups(trial, 1)].into_iter().flatten().collect()
-        }
-        "QLinearConv" => [steps(trial), weights(trial, 3), groups(trial, 3)].into_iter().flatten().collect(),
-        "ConvTranspose" => {
-            [steps(trial), weights(trial, 1), groups(trial, 1)].into_iter().flatten().collect()
+        "Conv" | "ConvInteger" | "ConvTranspose" | "QLinearConv" => {
+            let place = trial.weights();
+            [steps(trial), weights(trial, place), groups(trial, place)].into_iter().flatten().collect()
         }
         "AveragePool" | "MaxPool" | "LpPool" => steps(trial),
         _ => Vec::new(),
@@ -25,9 +22,8 @@ fn no_dilation(trial: &Trial) -> Option<Suspicion> {
     let node = trial.node();
     let (dilations, pads) = (ints(node, "dilations"), ints(node, "pads"));
     let kernel: Vec<i64> = match trial.operator() {
-        "QLinearConv" => trial.shape(3)?.get(2..)?.iter().map(|&k| k as i64).collect(),
-        "Conv" | "ConvTranspose" | "ConvInteger" => {
-            trial.shape(1)?.get(2..)?.iter().map(|&k| k as i64).collect()
+        "Conv" | "ConvTranspose" | "ConvInteger" | "QLinearConv" => {
+            trial.shape(trial.weights())?.get(2..)?.iter().map(|&k| k as i64).collect()
         }
         _ => ints(node, "kernel_shape"),
     };

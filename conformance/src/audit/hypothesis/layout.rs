@@ -16,8 +16,8 @@ pub(super) fn suspicions(trial: &Trial) -> Vec<Suspicion> {
         all.extend(of_memory(shape, "the output", output_arranged));
         all.extend(of_axes(shape));
     }
-    for (place, operand) in trial.case.operands.iter().enumerate().take(2) {
-        if let Some(operand) = operand {
+    for place in [0, trial.weights()] {
+        if let Some(Some(operand)) = trial.case.operands.get(place) {
             let what = format!("operand {place}");
             let arranged = move |arrangement| operand_arranged(place, arrangement);
             all.extend(of_memory(&operand.shape, &what, arranged));

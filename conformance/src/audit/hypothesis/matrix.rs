@@ -1,46 +1,48 @@
 //! Matrix products and biases: factors, transposed matrices, a bias left out, doubled or of the wrong sign.
 
 use super::Suspicion;
-use super::change::{
-    attributes, changed, float, int, numbers, operand, operand_arranged, permuted, reordered,
-};
+use super::change::{attributes, elements, float, int, operand_arranged, permuted, reordered};
 use super::trial::Trial;
 use crate::onnx::builder;
 
 pub(super) fn suspicions(trial: &Trial) -> Vec<Suspicion> {
     let mut all = match trial.operator() {
         "Gemm" => gemm(trial),
-        "MatMul" | "MatMulInteger" | "Einsum" => product(trial),
+        "MatMul" | "MatMulInteger" | "QLinearMatMul" | "Einsum" => product(trial),
         _ => Vec::new(),
     };
-    if matches!(trial.operator(), "Conv" | "ConvTranspose" | "Gemm") && trial.shape(2).is_some() {
-        all.extend([
-            Suspicion::new("bias-missing", "the bias was left out", numbers(2, |_| 0.0)),
-            Suspicion::new("bias-twice", "the bias was added twice", numbers(2, |b| 2.0 * b)),
-            Suspicion::new("bias-sign", "the bias was subtracted, not added", numbers(2, |b| -b)),
-        ]);
-        if trial.shape(2).is_some_and(|shape| shape.len() == 1 && shape[0] > 1) {
-            let reversed = (0..trial.shape(2).map_or(0, |shape| shape[0])).rev().collect();
-            all.push(Suspicion::new(
-                "bias-order",
-                "the bias was read in the opposite order",
-                operand_arranged(2, super::change::chosen(0, reversed)),
-            ));
-            all.push(Suspicion::new(
-                "bias-broadcast",
-                "the first element of the bias was added to all",
-                operand(2, |bias| {
-                    let first = bias.numbers().ok()?.data.first()?.value;
-                    changed(bias, |_| first)
-                }),
-            ));
-        }
-    }
+    all.extend(biases(trial));
     // Weights and data subtracted, not added, and the like: for operators that are not symmetric.
     if matches!(trial.operator(), "Sub" | "Div" | "Pow" | "Mod" | "PRelu" | "Less" | "Greater" | "MatMul")
         && trial.case.operands.len() == 2
     {
         all.push(Suspicion::new("operands-swapped", "the operands were exchanged", reordered(vec![1, 0])));
+    }
+    all
+}
+
+fn biases(trial: &Trial) -> Vec<Suspicion> {
+    let place = match trial.operator() {
+        "Conv" | "ConvTranspose" | "Gemm" => 2,
+        "QLinearConv" => 8,
+        _ => return Vec::new(),
+    };
+    let Some(shape) = trial.shape(place) else { return Vec::new() };
+    let mut all = vec![
+        Suspicion::new("bias-missing", "the bias was left out", elements(place, |_| 0.0)),
+        Suspicion::new("bias-twice", "the bias was added twice", elements(place, |b| 2.0 * b)),
+        Suspicion::new("bias-sign", "the bias was subtracted, not added", elements(place, |b| -b)),
+    ];
+    if shape.len() == 1 && shape[0] > 1 {
+        all.push(Suspicion::new(
+            "bias-order",
+            "the bias was read in the opposite order",
+            operand_arranged(place, super::change::chosen(0, (0..shape[0]).rev().collect())),
+        ));
+        all.extend(trial.first(place).map(|first| {
+            let detail = "the first element of the bias was added to all";
+            Suspicion::new("bias-broadcast", detail, elements(place, move |_| first))
+        }));
     }
     all
 }
@@ -82,7 +84,7 @@ fn gemm(trial: &Trial) -> Vec<Suspicion> {
 /// The last two axes of a matrix exchanged, where they have one length.
 fn product(trial: &Trial) -> Vec<Suspicion> {
     let mut all = Vec::new();
-    for (place, name) in [(1, "weights-transposed"), (0, "operand-transposed")] {
+    for (place, name) in [(trial.weights(), "weights-transposed"), (0, "operand-transposed")] {
         let Some(shape) = trial.shape(place) else { continue };
         let rank = shape.len();
         if rank >= 2 && shape[rank - 1] == shape[rank - 2] && shape[rank - 1] > 1 {
@@ -96,14 +98,14 @@ fn product(trial: &Trial) -> Vec<Suspicion> {
         }
     }
     // A matrix whose rows were read as columns lies in memory the other way round.
-    for place in [1, 0] {
+    for place in [trial.weights(), 0] {
         let Some(shape) = trial.shape(place).filter(|shape| shape.len() >= 2) else { continue };
         let rank = shape.len();
         if shape[rank - 1] != shape[rank - 2] && shape[rank - 1] > 1 && shape[rank - 2] > 1 {
             let mut order: Vec<usize> = (0..rank).collect();
             order.swap(rank - 1, rank - 2);
             all.push(Suspicion::new(
-                if place == 1 { "weights-transposed" } else { "operand-transposed" },
+                if place > 0 { "weights-transposed" } else { "operand-transposed" },
                 format!("operand {place} was read column by column"),
                 operand_arranged(place, super::change::misread_back(order)),
             ));

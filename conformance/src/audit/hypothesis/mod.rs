@@ -28,14 +28,16 @@
 //! | `activation` | slopes, approximations, softmax axes, bounds |
 //! | `reduction` | other reductions and axes |
 //! | `indexing` | slices, indices, orders of operands |
-//! | `rounding` | ties, truncation, zero points, wrap-around |
+//! | `rounding` | ties, truncation, limits of a type |
+//! | `requantisation` | the same of quantised results, with their scale and zero point |
+//! | `quantisation` | zero points, signs and scales of quantised operands |
 //! | `layout` | orders of axes, channels and batches |
 //! | `stale` | numbers of other tensors, or none |
 //! | `constants` | weights with too few digits, single numbers that are others |
 //! | `precision` | operands, sums and results with too few bits |
 //! | `factor` | a common factor or addend, fitted |
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -60,7 +62,9 @@ mod matrix;
 mod normalisation;
 mod padding;
 mod precision;
+mod quantisation;
 mod reduction;
+mod requantisation;
 mod rounding;
 mod stale;
 mod trial;
@@ -81,6 +85,16 @@ impl Suspicion {
     }
 }
 
+/// Further tensors of the run in which a node was outside rounding.
+#[derive(Clone, Copy)]
+pub struct Others<'a> {
+    /// Them by name.
+    pub tensors: &'a BTreeMap<String, Arc<TypedTensor>>,
+    /// Those that are computed from the node's outputs, and its outputs. A node cannot have read these; but its output may
+    /// have been overwritten with them.
+    pub later: &'a BTreeSet<String>,
+}
+
 /// How much of the difference a suspicion that does not reach G1 may leave.
 const CLEARLY: f64 = 0.01;
 
@@ -91,11 +105,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 ///
 /// `worst` is the place of the worst element in the first output, which samples of large nodes include. `others` are
 /// further tensors of the same run, in which a stale output is looked for.
-pub fn explain(
-    case: &Case,
-    worst: Option<&[usize]>,
-    others: &BTreeMap<String, Arc<TypedTensor>>,
-) -> Option<Hypothesis> {
+pub fn explain(case: &Case, worst: Option<&[usize]>, others: Others) -> Option<Hypothesis> {
     let trial = Trial::of(case, worst)?;
     let mut candidates =
         Candidates { trial: &trial, until: Instant::now() + PATIENCE, explaining: Vec::new() };
@@ -119,7 +129,7 @@ pub fn explain(
     }
     // Numbers that are another tensor's bit for bit need no evaluation; but a meaning that gives them says more.
     if candidates.explaining.is_empty() {
-        return stale::identical(case, others).or_else(|| stale::repeated(case));
+        return stale::identical(case, others.tensors).or_else(|| stale::repeated(case));
     }
     named(candidates.explaining)
 }
@@ -190,6 +200,8 @@ const FAMILIES: &[Family] = &[
     reduction::suspicions,
     indexing::suspicions,
     rounding::suspicions,
+    requantisation::suspicions,
+    quantisation::suspicions,
     layout::suspicions,
 ];
 

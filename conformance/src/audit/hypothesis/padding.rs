@@ -76,10 +76,9 @@ fn pads(trial: &Trial) -> Option<Vec<i64>> {
         return Some(if given.len() == 2 * axes { given } else { vec![0; 2 * axes] });
     }
     let kernel = match trial.operator() {
-        "Conv" | "ConvTranspose" | "ConvInteger" => {
-            trial.shape(1)?.get(2..)?.iter().map(|&k| k as i64).collect()
+        "Conv" | "ConvTranspose" | "ConvInteger" | "QLinearConv" => {
+            trial.shape(trial.weights())?.get(2..)?.iter().map(|&k| k as i64).collect()
         }
-        "QLinearConv" => trial.shape(3)?.get(2..)?.iter().map(|&k| k as i64).collect(),
         _ => ints(node, "kernel_shape"),
     };
     let along = |name: &str, axis: usize| ints(node, name).get(axis).copied().unwrap_or(1);

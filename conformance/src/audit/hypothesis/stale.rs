@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use vitruvian_reference::nn::{Rounded, Tensor};
 
-use super::Suspicion;
 use super::change::{changed, exact, operand, output, output_numbers, specified};
 use super::trial::Trial;
+use super::{Others, Suspicion};
 use crate::audit::case::Case;
 use crate::audit::report::Hypothesis;
 use crate::certificate::UNIT_ROUNDOFF;
@@ -76,7 +76,7 @@ fn slices(tensor: &TypedTensor, axis: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-pub(super) fn suspicions(trial: &Trial, others: &BTreeMap<String, Arc<TypedTensor>>) -> Vec<Suspicion> {
+pub(super) fn suspicions(trial: &Trial, others: Others) -> Vec<Suspicion> {
     let mut all = operands_of_others(trial, others);
     all.extend(trial.case.found.first().and_then(Option::as_ref).and_then(constant));
     all.extend(partial(trial));
@@ -90,18 +90,18 @@ fn varies(tensor: &TypedTensor) -> bool {
 }
 
 /// The node's output for other operands: one exchanged for another tensor of the run with its shape.
-fn operands_of_others(trial: &Trial, others: &BTreeMap<String, Arc<TypedTensor>>) -> Vec<Suspicion> {
+fn operands_of_others(trial: &Trial, others: Others) -> Vec<Suspicion> {
     let mut all = Vec::new();
     for (place, given) in trial.case.operands.iter().enumerate() {
         let Some(given) = given.as_ref().filter(|given| given.to_f64().is_some() && given.len() > 1) else {
             continue;
         };
         let is = trial.node().input.get(place).map_or("", String::as_str);
-        let alike = others.iter().filter(|(name, other)| {
+        let alike = others.tensors.iter().filter(|(name, other)| {
             other.shape == given.shape
                 && other.element() == given.element()
                 && name.as_str() != is
-                && !trial.node().output.contains(name)
+                && !others.later.contains(*name)
         });
         for (name, other) in alike.take(EXCHANGED) {
             let other = Arc::clone(other);

@@ -2,8 +2,8 @@
 
 use vitruvian_reference::nn::{Rounded, Tensor};
 
-use super::change::{Meaning, Operands, Outputs, specified};
-use super::excerpt::{Excerpt, excerpts};
+use super::change::{Meaning, Operands, Outputs, exact, specified};
+use super::excerpt::{Excerpt, excerpts, weights};
 use crate::audit::case::Case;
 use crate::audit::compare::numbers;
 use crate::audit::judge::judge_as;
@@ -68,7 +68,11 @@ impl<'a> Trial<'a> {
                 .ok()?;
             let operands: Vec<Option<&Value<Rounded>>> = operands.iter().map(Option::as_ref).collect();
             let outputs = excerpt.apply(meaning, &excerpt.case.node, excerpt.case.opset, &operands).ok()?;
-            all.extend_from_slice(&outputs.first()?.as_ref()?.numbers().ok()?.data);
+            match &outputs.first()?.as_ref()?.data {
+                Data::Numbers(y) => all.extend_from_slice(&y.data),
+                Data::Integers(y) => all.extend(y.data.iter().map(|&i| exact(i as f64))),
+                Data::Truths(_) => return None,
+            }
         }
         Some(all)
     }
@@ -114,11 +118,15 @@ impl<'a> Trial<'a> {
         // A window's places are not those of the output that it is cut from.
         let direct = matches!(&self.excerpts[..], [one] if one.window.is_none());
         super::change::output(move |y| {
-            let mut x = y.numbers().ok().filter(|_| direct)?.clone();
+            let mut y = Some(y).filter(|_| direct)?.clone();
             for &(place, value) in &with {
-                *x.data.get_mut(place)? = super::change::exact(value);
+                match &mut y.data {
+                    Data::Numbers(x) => *x.data.get_mut(place)? = exact(value),
+                    Data::Integers(x) => *x.data.get_mut(place)? = value as i64,
+                    Data::Truths(_) => return None,
+                }
             }
-            Some(Value { element: y.element, data: Data::Numbers(x) })
+            Some(y)
         })
     }
 
@@ -132,6 +140,11 @@ impl<'a> Trial<'a> {
         self.case.node.op_type.as_deref().unwrap_or_default()
     }
 
+    /// The place of the weights, or of the second matrix.
+    pub fn weights(&self) -> usize {
+        weights(self.operator())
+    }
+
     /// An operand's shape, whole.
     pub fn shape(&self, operand: usize) -> Option<&[usize]> {
         self.case.operands.get(operand)?.as_ref().map(|tensor| &tensor.shape[..])
@@ -140,6 +153,11 @@ impl<'a> Trial<'a> {
     /// The first output's shape, whole.
     pub fn output_shape(&self) -> Option<&[usize]> {
         self.case.found.first()?.as_ref().map(|tensor| &tensor.shape[..])
+    }
+
+    /// An operand's first element, number or integer.
+    pub fn first(&self, operand: usize) -> Option<f64> {
+        numbers(self.case.operands.get(operand)?.as_ref()?).first().copied()
     }
 
     /// An operand's integers.
@@ -167,7 +185,10 @@ impl Excerpt {
 }
 
 fn inside(value: &Value<Rounded>, window: &Region) -> Option<Value<Rounded>> {
-    let x = value.numbers().ok().filter(|x| window.fits(&x.shape))?;
-    let data = window.runs(&x.shape).flat_map(|run| x.data[run].iter().copied()).collect();
-    Some(Value { element: value.element, data: Data::Numbers(Tensor::new(&window.shape(), data)) })
+    let cut = |places: &[Tensor<usize>]| {
+        let x = places.first().filter(|x| window.fits(&x.shape)).ok_or("does not reach the window")?;
+        let data = window.runs(&x.shape).flat_map(|run| x.data[run].iter().copied()).collect();
+        Ok(Tensor::new(&window.shape(), data))
+    };
+    Value::arranged(&[value], cut).ok()
 }

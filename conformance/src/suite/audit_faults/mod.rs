@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`engine`] | the engine with one mistake |
 //! | [`scenes`] | graphs of a few nodes in which mistakes are made, of every class of the networks |
-//! | [`faults`] | the mistakes |
+//! | [`faults`] | the mistakes, by families of operators |
 
 pub mod engine;
 pub mod faults;
@@ -17,7 +17,6 @@ pub mod scenes;
 use crate::audit::{Audit, Options, audit};
 use crate::error::Result;
 use engine::Engine;
-pub use faults::FAULTS;
 use faults::Fault;
 use scenes::Scene;
 
