@@ -24,7 +24,7 @@ use super::write::{IR_VERSION, constant, declaration, undeclared};
 /// ```
 #[derive(Clone, Debug)]
 pub struct GraphBuilder {
-    opset: i64,
+    opsets: Vec<OperatorSetIdProto>,
     graph: GraphProto,
     properties: Vec<StringStringEntryProto>,
 }
@@ -33,7 +33,8 @@ impl GraphBuilder {
     /// An empty graph in this version of ONNX's operators.
     pub fn new(opset: i64) -> Self {
         let graph = GraphProto { name: Some("problem".into()), ..Default::default() };
-        Self { opset, graph, properties: Vec::new() }
+        let own = OperatorSetIdProto { domain: Some(String::new()), version: Some(opset) };
+        Self { opsets: vec![own], graph, properties: Vec::new() }
     }
 
     /// Adds a property of the file, such as `vitruvian.kind`.
@@ -106,6 +107,19 @@ impl GraphBuilder {
         self
     }
 
+    /// Says that the node that was added last is of another domain, in this version.
+    ///
+    /// # Panics
+    /// When there is no node.
+    #[must_use]
+    pub fn of_domain(mut self, domain: &str, version: i64) -> Self {
+        self.graph.node.last_mut().expect("a node was added").domain = Some(domain.into());
+        if self.opsets.iter().all(|set| set.domain.as_deref() != Some(domain)) {
+            self.opsets.push(OperatorSetIdProto { domain: Some(domain.into()), version: Some(version) });
+        }
+        self
+    }
+
     /// Names an output; its type is inferred by whoever runs the graph.
     #[must_use]
     pub fn output(mut self, name: &str) -> Self {
@@ -119,7 +133,7 @@ impl GraphBuilder {
             ir_version: Some(IR_VERSION),
             producer_name: Some("vitruvian-conformance".into()),
             graph: Some(self.graph),
-            opset_import: vec![OperatorSetIdProto { domain: Some(String::new()), version: Some(self.opset) }],
+            opset_import: self.opsets,
             metadata_props: self.properties,
             ..Default::default()
         }

@@ -306,7 +306,7 @@ impl Model {
 }
 
 /// Whether a node's operator is one of ONNX's own.
-fn is_own(node: &NodeProto) -> bool {
+pub(crate) fn is_own(node: &NodeProto) -> bool {
     matches!(node.domain.as_deref(), None | Some("" | "ai.onnx"))
 }
 

@@ -15,6 +15,7 @@
 //! | [`elementwise`] | arithmetic, activations, powers and transcendental functions |
 //! | [`choice`] | comparisons, Where, ScatterND, ScatterElements |
 //! | [`matrix_product`] | Gemm, MatMul, Einsum |
+//! | [`microsoft`] | those of ONNX Runtime's own domain, in integers and fused |
 //! | [`movement`] | Concat, Split, Slice, Gather, Tile, Expand, Reshape, Flatten, Squeeze, Unsqueeze, Transpose, Shape |
 //! | [`values`] | the numbers |
 
@@ -37,6 +38,7 @@ pub mod convolution;
 pub mod elementwise;
 pub mod grid_sample;
 pub mod matrix_product;
+pub mod microsoft;
 pub mod movement;
 pub mod normalization;
 pub mod pooling;

@@ -5,6 +5,7 @@
 //! | [`operators`] | every operator of the networks on random problems |
 //! | [`faults`] | the judge itself: planted faults must be seen |
 //! | [`audit_faults`] | the audit: mistakes planted in an engine must be found and named |
+//! | [`microsoft`] | the operators of ONNX Runtime's own domain on random problems |
 //! | [`networks`] | the exported graphs, node by node and stage by stage |
 //! | [`regressor`] | where the regressor's stages stand in a graph, and faults planted in one |
 //! | [`surface`] | marching cubes, voxels and the inside test |
@@ -14,6 +15,7 @@
 pub mod audit_faults;
 pub mod body;
 pub mod faults;
+pub mod microsoft;
 pub mod networks;
 pub mod operators;
 pub mod regress;

@@ -113,7 +113,7 @@ pub use pooling::{
     AveragePool, Pool, average_pool, global_average_pool, global_lp_pool, global_max_pool, lp_pool, max_pool,
     max_pool_indices,
 };
-pub use quantization::{IntegerRange, quantize, quantize_dynamically, spread};
+pub use quantization::{IntegerRange, dequantize, levels, quantize, quantize_dynamically, spread};
 pub use rectifier::{celu, elu, leaky_relu, prelu, relu, selu, shrink, thresholded_relu};
 pub use recurrent::{Direction, Gate, Recurred, Recurrent, gru, lstm, rnn};
 pub use reduction::{

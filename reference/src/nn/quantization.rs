@@ -9,7 +9,7 @@
 //! graph's precision (the identity for f64). An implementation that computes x·(1/s) instead may still differ by one,
 //! within rounding of a tie; anywhere else that is no rounding.
 
-use super::Tensor;
+use super::{Scalar, Tensor};
 
 /// The integers first ≤ q ≤ last of a type, such as 0 … 255.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +57,31 @@ pub fn quantize(
     let data =
         quantized.map(|((x, s), &z)| range.saturated(fl(x / s).round_ties_even() + z as f64)).collect();
     Tensor { shape: x.shape.clone(), data }
+}
+
+/// The numbers that integers stand for: x = (q − z)·s.
+///
+/// Rounding: that of q·s − z·s, since an implementation may scale both apart; what cancels then is remembered by the
+/// magnitude (|q| + |z|)·s.
+///
+/// # References
+/// ONNX operator DequantizeLinear (version 25).
+pub fn dequantize<T: Scalar>(q: &Tensor<i64>, scale: T, zero_point: i64) -> Tensor<T> {
+    let zero = T::exact(zero_point as f64) * scale;
+    q.map(|q| T::exact(q as f64) * scale - zero)
+}
+
+/// Where numbers lie among the integers that are to stand for them: x/s + z, not yet rounded and cut off
+/// ([`IntegerRange::saturated`]).
+///
+/// Rounding: the quotient, or the product with a rounded reciprocal, and the sum, whose terms may cancel. Two neighbouring
+/// integers are both right where the bound of a level reaches over the tie between them.
+pub fn levels<T: Scalar>(x: &Tensor<T>, scale: T, zero_point: i64) -> Tensor<T> {
+    let zero = T::exact(zero_point as f64);
+    x.map(|x| {
+        let quotient = x / scale;
+        T::within(quotient.value(), quotient.magnitude(), quotient.terms() + 1.0).plus(zero)
+    })
 }
 
 /// One parameter for each element of `shape`: of one parameter for all, one for each place of `axis`, or one for each block.
@@ -112,6 +137,7 @@ pub fn quantize_dynamically(x: &Tensor, fl: impl Fn(f64) -> f64) -> (Tensor<i64>
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Rounded, UNIT_ROUNDOFF_F32};
     use super::*;
 
     #[test]
@@ -127,6 +153,42 @@ mod tests {
         let x = Tensor::new(&[3], vec![-1000.0, 3.0, 254.0]);
         let q = quantize(&x, &Tensor::filled(&[3], 2.0), &Tensor::filled(&[3], 128), IntegerRange::U8, |x| x);
         assert_eq!(q.data, [0, 130, 255], "1.5 is a tie");
+    }
+
+    #[test]
+    fn levels_undo_what_integers_stand_for() {
+        let q = Tensor::new(&[4], vec![0, 7, 128, 255]);
+        let scale = f64::from(0.037_f32);
+        assert_eq!(levels(&dequantize(&q, scale, 128), scale, 128).data, [0.0, 7.0, 128.0, 255.0]);
+        assert_eq!(dequantize(&q, 0.5, 7).data, [-3.5, 0.0, 60.5, 124.0]);
+        assert_eq!(levels(&Tensor::new(&[2], vec![1.25, -1.25]), 0.5, 10).data, [12.5, 7.5]);
+    }
+
+    #[test]
+    fn a_sum_in_f32_lies_within_the_bound_of_its_level_however_it_is_arranged() {
+        let (a_scale, b_scale, y_scale) = (0.037_f32, 0.0021_f32, 0.041_f32);
+        let (a_zero, b_zero, y_zero) = (128_i64, 3_i64, 77_i64);
+        let exact = |scale: f32| Rounded::exact(f64::from(scale));
+        let mut furthest = 0.0_f64;
+        for (a, b) in (0..=255).flat_map(|a| [(a, 0), (a, 3), (a, 200), (a, 255)]) {
+            let one = |q: i64| Tensor::new(&[1], vec![q]);
+            let [x, y] = [
+                dequantize(&one(a), exact(a_scale), a_zero).data[0],
+                dequantize(&one(b), exact(b_scale), b_zero).data[0],
+            ];
+            let level = levels(&Tensor::new(&[1], vec![x + y]), exact(y_scale), y_zero).data[0];
+            let (a, b) = (a as f32, b as f32);
+            let (a_zero, b_zero, y_zero) = (a_zero as f32, b_zero as f32, y_zero as f32);
+            let plain = (a_scale * (a - a_zero) + b_scale * (b - b_zero)) / y_scale + y_zero;
+            // Ratios of scales, with all that is the same for every element added up first.
+            let (to_a, to_b) = (a_scale / y_scale, b_scale / y_scale);
+            let arranged = to_a * a + (to_b * b + ((y_zero - to_a * a_zero) - to_b * b_zero));
+            for found in [plain, arranged] {
+                let share = (f64::from(found) - level.value).abs() / level.bound(UNIT_ROUNDOFF_F32);
+                furthest = furthest.max(share);
+            }
+        }
+        assert!((0.05..=1.0).contains(&furthest), "{furthest} of the bound");
     }
 
     #[test]

@@ -22,6 +22,7 @@ mod window;
 use super::case::{Case, Operand, View};
 use super::region::{Region, part};
 use crate::onnx::message::{AttributeKind, AttributeProto, NodeProto};
+use crate::onnx::model::is_own;
 use crate::onnx::typed_tensor::{Elements, TypedTensor};
 
 /// What an operand of a piece is.
@@ -67,6 +68,10 @@ pub(super) struct Division<'a> {
 impl<'a> Division<'a> {
     /// How output `output` of a node may be cut; `None` where that is not known.
     pub fn of(view: &'a View<'a>, output: usize) -> Option<Self> {
+        // Other domains have operators of the same names whose axes stand elsewhere.
+        if !is_own(view.node) {
+            return None;
+        }
         let asked = Asked { view, output };
         let several = view.node.output.iter().filter(|name| !name.is_empty()).count() > 1;
         if several && view.operator() != "Split" {

@@ -25,6 +25,7 @@
 //! | `indexing` | pick elements by their places, and put others into theirs |
 //! | `movement` | move elements and change nothing else |
 //! | `quantization` | work on quantised numbers |
+//! | `microsoft` | are none of ONNX's own but of ONNX Runtime's domain `com.microsoft` |
 //!
 //! `graph` runs a whole graph; `refusal` turns the reference's panics into errors.
 //!
@@ -55,6 +56,7 @@ mod functions;
 mod graph;
 mod indexing;
 mod losses;
+mod microsoft;
 mod movement;
 mod normalizations;
 mod padding;
@@ -196,10 +198,13 @@ pub fn evaluate<T: Scalar>(
     operands: &[Option<&Value<T>>],
 ) -> Result<Vec<Option<Value<T>>>, String> {
     let operator = node.op_type.as_deref().unwrap_or_default();
-    if !matches!(node.domain.as_deref(), None | Some("" | "ai.onnx")) {
-        let domain = node.domain.as_deref().unwrap_or_default();
-        return Err(format!("operator {operator} of domain \"{domain}\" is not known to the judge"));
-    }
+    let (family, name): (fn(&Call<T>) -> Answer<T>, _) = match node.domain.as_deref().unwrap_or_default() {
+        "" | "ai.onnx" => (own, operator.to_owned()),
+        microsoft::DOMAIN => (microsoft::evaluate, format!("{}.{operator}", microsoft::DOMAIN)),
+        domain => {
+            return Err(format!("operator {operator} of domain \"{domain}\" is not known to the judge"));
+        }
+    };
     if opset == 6 && CHANGED_SILENTLY.contains(&operator) {
         return Err(format!("operator {operator} of opset 6 means something else than that of opset 7"));
     }
@@ -208,6 +213,19 @@ pub fn evaluate<T: Scalar>(
         return Err(format!("operator {operator} of opset {opset}; opsets {first} to {last} are known"));
     }
     let call = Call { node, operator, opset, operands };
+    // The reference's operators panic where shapes do not fit: there it is a caller's mistake, here the file's.
+    let answer = caught(|| family(&call)).unwrap_or_else(|why| Some(Err(why)));
+    let outputs = answer.unwrap_or_else(|| Err("the operator is not known to the judge".into()));
+    let outputs = outputs.map_err(|why| format!("{name}: {why}"))?;
+    if let Some(more) = node.output.get(outputs.len()..).and_then(<[String]>::first) {
+        return Err(format!("{name}: output \"{more}\" is one more than the operator has"));
+    }
+    let asked = |(name, value): (&String, Value<T>)| (!name.is_empty()).then_some(value);
+    Ok(node.output.iter().zip(outputs).map(asked).collect())
+}
+
+/// What ONNX's own operators say.
+fn own<T: Scalar>(call: &Call<T>) -> Answer<T> {
     let families = [
         convolution::evaluate,
         pooling::evaluate,
@@ -232,20 +250,11 @@ pub fn evaluate<T: Scalar>(
         indexing::evaluate,
         quantization::evaluate,
     ];
-    // The reference's operators panic where shapes do not fit: there it is a caller's mistake, here the file's.
-    let answer =
-        caught(|| families.iter().find_map(|family| family(&call))).unwrap_or_else(|why| Some(Err(why)));
-    let outputs = answer.unwrap_or_else(|| Err("the operator is not known to the judge".into()));
-    let outputs = outputs.map_err(|why| format!("{operator}: {why}"))?;
-    if let Some(more) = node.output.get(outputs.len()..).and_then(<[String]>::first) {
-        return Err(format!("{operator}: output \"{more}\" is one more than the operator has"));
-    }
-    let asked = |(name, value): (&String, Value<T>)| (!name.is_empty()).then_some(value);
-    Ok(node.output.iter().zip(outputs).map(asked).collect())
+    families.iter().find_map(|family| family(call))
 }
 
-/// What a node's first output may also be: where a coordinate lies within its rounding of a tie between two pixels, or a
-/// conversion to integers is not specified.
+/// What a node's first output may also be: where a coordinate lies within its rounding of a tie between two pixels, a number
+/// within its rounding of a tie between two integers, or a conversion to integers is not specified.
 ///
 /// Each element of a second party with this unit roundoff is right if it is that of [`evaluate`] or of one of these. Most
 /// operators have none, and one that cannot be evaluated has none either.
@@ -257,7 +266,12 @@ pub fn alternatives<T: Scalar>(
 ) -> Vec<Value<T>> {
     let operator = node.op_type.as_deref().unwrap_or_default();
     let call = Call { node, operator, opset, operands };
-    caught(|| resampling::alternatives(&call, unit_roundoff)).and_then(|found| found).unwrap_or_default()
+    let others = || match node.domain.as_deref() {
+        None | Some("" | "ai.onnx") => resampling::alternatives(&call, unit_roundoff),
+        Some(microsoft::DOMAIN) => microsoft::alternatives(&call, unit_roundoff),
+        Some(_) => Ok(Vec::new()),
+    };
+    caught(others).and_then(|found| found).unwrap_or_default()
 }
 
 /// What a family says of a node: nothing if it is another's, else all outputs of the operator or what is not understood.

@@ -26,15 +26,19 @@ fn integers<T: Scalar>(call: &Call<T>, y: Tensor<Wrapping<i64>>) -> Result<Value
     Value::from_integers(call.operand(0)?.element, y.map(|y| y.0))
 }
 
-fn batched_product<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    call.attributes(&[])?;
-    call.same_type()?;
-    let (a, b) = (call.operand(0)?.shape(), call.operand(1)?.shape());
+/// Refuses a product of matrices of these shapes that there is no room for.
+pub(super) fn product_room(a: &[usize], b: &[usize]) -> Result<(), String> {
     let split = |shape: &[usize]| shape.len().saturating_sub(2);
     let outer = broadcast(&a[..split(a)], &b[..split(b)])?;
     let rows = if a.len() < 2 { 1 } else { a[a.len() - 2] };
     let columns = if b.len() < 2 { 1 } else { b[b.len() - 1] };
-    room(&[&outer[..], &[rows, columns]].concat())?;
+    room(&[&outer[..], &[rows, columns]].concat())
+}
+
+fn batched_product<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
+    call.attributes(&[])?;
+    call.same_type()?;
+    product_room(call.operand(0)?.shape(), call.operand(1)?.shape())?;
     match &call.operand(0)?.data {
         Data::Integers(_) => {
             let all = whole(call)?;

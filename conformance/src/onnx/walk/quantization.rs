@@ -41,7 +41,7 @@ fn over<E: Copy>(
 }
 
 /// The integers of a type, all of which an i64 holds.
-fn range(element: ElementType) -> Result<IntegerRange, String> {
+pub(super) fn range(element: ElementType) -> Result<IntegerRange, String> {
     let range = element.range().and_then(|(first, last)| {
         Some(IntegerRange { first: i64::try_from(first).ok()?, last: i64::try_from(last).ok()? })
     });
@@ -121,7 +121,12 @@ fn dynamic<T: Scalar>(call: &Call<T>) -> Result<Vec<Value<T>>, String> {
 }
 
 /// q − z as numbers, the zero points standing along `along` axes from the last one where there are several.
-fn centred<T: Scalar>(call: &Call<T>, q: usize, z: usize, shape: &[usize]) -> Result<Tensor<f64>, String> {
+pub(super) fn centred<T: Scalar>(
+    call: &Call<T>,
+    q: usize,
+    z: usize,
+    shape: &[usize],
+) -> Result<Tensor<f64>, String> {
     let q = call.integers(q)?;
     if call.optional(z).is_none() {
         return Ok(q.map(|q| q as f64));
@@ -135,7 +140,7 @@ fn centred<T: Scalar>(call: &Call<T>, q: usize, z: usize, shape: &[usize]) -> Re
 }
 
 /// The shape in which parameters broadcast over a matrix: one for each row, or one for each column.
-fn of_matrix<T: Scalar>(call: &Call<T>, i: usize, rows: bool) -> Vec<usize> {
+pub(super) fn of_matrix<T: Scalar>(call: &Call<T>, i: usize, rows: bool) -> Vec<usize> {
     match call.optional(i).map_or(&[][..], Value::shape) {
         &[1] => vec![],
         &[count] if rows => vec![count, 1],

@@ -1,0 +1,460 @@
+//! Operators of the domain `com.microsoft` on drawn operands: integers that stand for numbers, and what is fused.
+//!
+//! Unlike a [`Problem`](super::Problem) it has operands of several element types. Scales are drawn over two decades, or as
+//! powers of two, where halves abound.
+
+use proptest::prelude::*;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use vitruvian_runtime::session::{Input, Optimization, Session, Settings};
+
+use super::OPSET;
+use crate::audit::Case;
+use crate::audit::onnx_runtime::{given, taken};
+use crate::error::{Error, Result};
+use crate::onnx::builder::{GraphBuilder, float, int, ints, text};
+use crate::onnx::message::{AttributeProto, NodeProto};
+use crate::onnx::typed_tensor::{Elements, TypedTensor};
+
+/// The domain, whose operators are of version 1.
+pub const DOMAIN: &str = "com.microsoft";
+
+/// One operator with its operands; the first one is given when the graph runs, the others are part of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Foreign {
+    /// The operator's name.
+    pub operator: &'static str,
+    /// Its attributes.
+    pub attributes: Vec<AttributeProto>,
+    /// Its operands; `None` where an optional one is left out.
+    pub operands: Vec<Option<TypedTensor>>,
+}
+
+impl Foreign {
+    /// The node as ONNX Runtime runs it, with optimisation off.
+    ///
+    /// # Errors
+    /// When ONNX Runtime is missing or refuses the graph.
+    pub fn run(&self) -> Result<Case> {
+        let names: Vec<String> = (0..self.operands.len()).map(|i| format!("operand_{i}")).collect();
+        let mut graph = GraphBuilder::new(OPSET);
+        for (i, (name, operand)) in names.iter().zip(&self.operands).enumerate() {
+            match operand {
+                Some(tensor) if i == 0 => graph = graph.input_of(name, tensor.element(), &tensor.shape),
+                Some(tensor) => graph = graph.tensor(name, tensor),
+                None => {}
+            }
+        }
+        let inputs: Vec<&str> = names
+            .iter()
+            .zip(&self.operands)
+            .map(|(name, operand)| operand.as_ref().map_or("", |_| name.as_str()))
+            .collect();
+        let graph = graph.node(self.operator, &inputs, &["y"], self.attributes.clone()).of_domain(DOMAIN, 1);
+        let settings = Settings { optimization: Optimization::Disabled, threads: 1 };
+        let mut session = Session::from_bytes(self.operator, &graph.output("y").to_bytes(), &settings)?;
+        let first =
+            self.operands.first().and_then(Option::as_ref).expect("the first operand is never left out");
+        let first = given(&names[0], first)?;
+        let found = session.run(&[(&names[0], Input::from(&first))], &["y"])?;
+        let found = taken(&found[0]).map_err(|message| Error::Onnx {
+            graph: "problem".into(),
+            item: format!("node {}", self.operator),
+            message,
+        })?;
+        Ok(self.case(found, inputs.iter().map(|&name| name.to_owned()).collect()))
+    }
+
+    fn case(&self, found: TypedTensor, input: Vec<String>) -> Case {
+        let node = NodeProto {
+            input,
+            output: vec!["y".into()],
+            op_type: Some(self.operator.into()),
+            domain: Some(DOMAIN.into()),
+            attribute: self.attributes.clone(),
+            ..NodeProto::default()
+        };
+        Case {
+            node,
+            opset: OPSET,
+            name: self.operator.into(),
+            operands: self.operands.clone(),
+            found: vec![Some(found)],
+        }
+    }
+}
+
+/// Problems of an operator.
+pub fn problems(operator: &'static str) -> impl Strategy<Value = Foreign> {
+    any::<u64>().prop_map(move |seed| drawn(operator, seed))
+}
+
+/// Operators that give integers that stand for numbers.
+pub const QUANTIZED: [&str; 11] = [
+    "QGemm",
+    "QLinearAdd",
+    "QLinearAveragePool",
+    "QLinearConcat",
+    "QLinearConv",
+    "QLinearGlobalAveragePool",
+    "QLinearLeakyRelu",
+    "QLinearMul",
+    "QLinearSigmoid",
+    "QLinearSoftmax",
+    "QLinearWhere",
+];
+
+/// Operators that give numbers.
+pub const REAL: [&str; 9] = [
+    "BiasGelu",
+    "DynamicQuantizeMatMul",
+    "FastGelu",
+    "FusedConv",
+    "FusedGemm",
+    "FusedMatMul",
+    "Gelu",
+    "MatMulIntegerToFloat",
+    "QuickGelu",
+];
+
+/// One problem.
+///
+/// # Panics
+/// When the operator is none of [`QUANTIZED`] and [`REAL`].
+pub fn drawn(operator: &'static str, seed: u64) -> Foreign {
+    let mut draw = Draw::new(seed);
+    let (attributes, operands) = match operator {
+        "BiasGelu" | "FastGelu" | "Gelu" | "QuickGelu" => draw.activation(operator),
+        "DynamicQuantizeMatMul" => draw.dynamic_product(),
+        "FusedConv" => draw.fused_convolution(),
+        "FusedGemm" | "FusedMatMul" => draw.fused_product(operator),
+        "MatMulIntegerToFloat" => draw.product_to_float(),
+        "QGemm" => draw.product(),
+        "QLinearAdd" | "QLinearMul" | "QLinearWhere" => draw.pair(operator),
+        "QLinearAveragePool" | "QLinearGlobalAveragePool" => draw.pool(operator),
+        "QLinearConcat" => draw.concat(),
+        "QLinearConv" => draw.convolution(),
+        "QLinearLeakyRelu" | "QLinearSigmoid" | "QLinearSoftmax" => draw.function(operator),
+        other => panic!("no problems of {other} are drawn"),
+    };
+    Foreign { operator, attributes, operands }
+}
+
+type Parts = (Vec<AttributeProto>, Vec<Option<TypedTensor>>);
+
+/// Random operands.
+struct Draw {
+    random: ChaCha8Rng,
+    signed: bool,
+    powers_of_two: bool,
+}
+
+fn scalar(x: f32) -> Option<TypedTensor> {
+    Some(TypedTensor { shape: vec![], elements: Elements::F32(vec![x]) })
+}
+
+impl Draw {
+    fn new(seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let (signed, powers_of_two) = (random.random_bool(0.5), random.random_bool(0.25));
+        Self { random, signed, powers_of_two }
+    }
+
+    fn coin(&mut self) -> bool {
+        self.random.random_bool(0.5)
+    }
+
+    fn side(&mut self, most: usize) -> usize {
+        self.random.random_range(1..=most)
+    }
+
+    fn shape(&mut self, ranks: std::ops::RangeInclusive<usize>, most: usize) -> Vec<usize> {
+        let rank = self.random.random_range(ranks);
+        (0..rank).map(|_| self.side(most)).collect()
+    }
+
+    /// A scale about this size.
+    fn step(&mut self, about: f32) -> f32 {
+        let step = about * 10_f32.powf(self.random.random_range(-0.3..0.3));
+        if self.powers_of_two { step.log2().round().exp2() } else { step }
+    }
+
+    fn small_step(&mut self) -> f32 {
+        let about = 10_f32.powf(self.random.random_range(-3.0..-1.0));
+        self.step(about)
+    }
+
+    /// Integers of the problem's type, as many as the shape has places, within the whole type or a part of it.
+    fn bytes(&mut self, shape: &[usize], signed: bool, part: i32) -> TypedTensor {
+        let count = shape.iter().product();
+        let elements = if signed {
+            Elements::I8((0..count).map(|_| (self.random.random_range(-128..=127) / part) as i8).collect())
+        } else {
+            Elements::U8((0..count).map(|_| (self.random.random_range(0..=255) / part) as u8).collect())
+        };
+        TypedTensor { shape: shape.to_vec(), elements }
+    }
+
+    fn zero(&mut self) -> Option<TypedTensor> {
+        self.coin().then(|| self.bytes(&[], self.signed, 2)).or_else(|| self.zero_of(0))
+    }
+
+    /// This zero point.
+    fn zero_of(&self, zero: i8) -> Option<TypedTensor> {
+        let elements =
+            if self.signed { Elements::I8(vec![zero]) } else { Elements::U8(vec![zero.unsigned_abs()]) };
+        Some(TypedTensor { shape: vec![], elements })
+    }
+
+    /// Integers, their scale and their zero point.
+    fn stored(&mut self, shape: &[usize], step: f32) -> [Option<TypedTensor>; 3] {
+        [Some(self.bytes(shape, self.signed, 1)), scalar(step), self.zero()]
+    }
+
+    fn numbers(&mut self, shape: &[usize], size: f32) -> Option<TypedTensor> {
+        let values = (0..shape.iter().product()).map(|_| self.random.random_range(-size..size)).collect();
+        Some(TypedTensor { shape: shape.to_vec(), elements: Elements::F32(values) })
+    }
+
+    /// A shape that broadcasts to this one.
+    fn broadcast(&mut self, shape: &[usize]) -> Vec<usize> {
+        let from = self.random.random_range(0..=shape.len());
+        shape[from..].iter().map(|&side| if self.random.random_bool(0.3) { 1 } else { side }).collect()
+    }
+
+    fn pair(&mut self, operator: &str) -> Parts {
+        let shape = self.shape(1..=4, 9);
+        let (other, a_step, b_step) = (self.broadcast(&shape), self.small_step(), self.small_step());
+        let (a, b) = (self.stored(&shape, a_step), self.stored(&other, b_step));
+        let y_step = match operator {
+            "QLinearMul" => self.step(a_step * b_step * 90.0),
+            _ => self.step((a_step + b_step) * 0.7),
+        };
+        let mut operands = [a, b].concat();
+        if operator == "QLinearWhere" {
+            let truths = (0..shape.iter().product()).map(|_| self.coin()).collect();
+            operands.insert(0, Some(TypedTensor { shape, elements: Elements::Bool(truths) }));
+        }
+        operands.extend([scalar(y_step), self.zero()]);
+        (vec![], operands)
+    }
+
+    fn function(&mut self, operator: &str) -> Parts {
+        let shape = self.shape(1..=4, 9);
+        let step = self.step(0.04);
+        let mut operands = self.stored(&shape, step).to_vec();
+        let (attributes, y_step, zero) = match operator {
+            "QLinearLeakyRelu" => {
+                (vec![float("alpha", self.random.random_range(0.0..0.5))], self.step(step), None)
+            }
+            "QLinearSigmoid" => (vec![], self.step(1.0 / 256.0), None),
+            _ => {
+                let axis = self.random.random_range(0..shape.len());
+                let opset = if self.coin() { 12 } else { 13 };
+                // ONNX Runtime takes 1/s_y as a whole number.
+                (
+                    vec![int("axis", axis as i64), int("opset", opset)],
+                    1.0 / 256.0,
+                    self.zero_of(if self.signed { -128 } else { 0 }),
+                )
+            }
+        };
+        operands.extend([scalar(y_step), zero.or_else(|| self.zero())]);
+        (attributes, operands)
+    }
+
+    fn concat(&mut self) -> Parts {
+        let shape = self.shape(1..=4, 6);
+        let axis = self.random.random_range(0..shape.len());
+        let y_step = self.small_step();
+        let mut operands = vec![scalar(y_step), self.zero()];
+        for _ in 0..self.random.random_range(2..=4) {
+            let mut shape = shape.clone();
+            shape[axis] = self.side(6);
+            let step = self.step(y_step);
+            operands.extend(self.stored(&shape, step));
+        }
+        (vec![int("axis", axis as i64)], operands)
+    }
+
+    /// Samples, an image of two sides and channels, in either order.
+    fn image(&mut self, last: bool) -> (Vec<usize>, [usize; 2]) {
+        let (n, c, sides) = (self.side(2), self.side(5), [self.side(9) + 2, self.side(9) + 2]);
+        let shape = if last { vec![n, sides[0], sides[1], c] } else { vec![n, c, sides[0], sides[1]] };
+        (shape, sides)
+    }
+
+    fn window(&mut self, kernel: [usize; 2]) -> Vec<AttributeProto> {
+        let pads: Vec<usize> = (0..4).map(|k| self.random.random_range(0..kernel[k % 2])).collect();
+        vec![
+            ints("kernel_shape", &kernel),
+            ints("pads", &pads),
+            ints("strides", &[self.side(2), self.side(2)]),
+        ]
+    }
+
+    fn pool(&mut self, operator: &str) -> Parts {
+        let last = self.coin();
+        let (shape, _) = self.image(last);
+        let step = self.small_step();
+        let mut operands = self.stored(&shape, step).to_vec();
+        let y_step = self.step(step * 0.6);
+        operands.extend([scalar(y_step), self.zero()]);
+        let mut attributes = vec![int("channels_last", i64::from(last))];
+        if operator == "QLinearAveragePool" {
+            let kernel = [self.side(3), self.side(3)];
+            attributes.extend(self.window(kernel));
+            attributes.push(int("count_include_pad", i64::from(self.coin())));
+        }
+        (attributes, operands)
+    }
+
+    /// Weights of eight bits, small enough that no instruction that adds two products of bytes in sixteen bits cuts them off.
+    fn weights(&mut self, shape: &[usize], signed: bool) -> TypedTensor {
+        self.bytes(shape, signed, if signed { 2 } else { 1 })
+    }
+
+    /// Scales and zero points of weights: one for all, or one for each of so many channels.
+    fn of_channels(&mut self, channels: usize, signed: bool) -> [Option<TypedTensor>; 2] {
+        let shape = if self.coin() { vec![] } else { vec![channels] };
+        let steps = (0..shape.iter().product()).map(|_| self.small_step()).collect();
+        let zero = if signed { 128 } else { 1 };
+        let zeros = self.bytes(&shape, signed, zero);
+        [Some(TypedTensor { shape, elements: Elements::F32(steps) }), Some(zeros)]
+    }
+
+    fn convolution(&mut self) -> Parts {
+        let last = self.coin();
+        let (shape, _) = self.image(last);
+        let (inputs, outputs) = (shape[if last { 3 } else { 1 }], self.side(4));
+        let kernel = [self.side(3), self.side(3)];
+        let x_step = self.small_step();
+        let x = self.stored(&shape, x_step);
+        let w = self.weights(&[outputs, inputs, kernel[0], kernel[1]], self.signed);
+        let w_step = self.small_step();
+        let y_step = self.step(x_step * w_step * 60.0 * (inputs as f32 * 3.0).sqrt());
+        let mut operands = x.to_vec();
+        operands.extend([Some(w), scalar(w_step), self.zero_of(0), scalar(y_step), self.zero()]);
+        let mut attributes = self.window(kernel);
+        attributes.push(int("channels_last", i64::from(last)));
+        (attributes, operands)
+    }
+
+    fn product(&mut self) -> Parts {
+        let (m, k, n) = (self.side(9), self.side(40), self.side(9));
+        let (trans_a, trans_b) = (self.coin(), self.coin());
+        let turned = |turned: bool, a, b| if turned { [b, a] } else { [a, b] };
+        let a_step = self.small_step();
+        let a = self.stored(&turned(trans_a, m, k), a_step);
+        let b_signed = self.signed || self.coin();
+        let b = self.weights(&turned(trans_b, k, n), b_signed);
+        let [b_step, b_zero] = self.of_channels(n, b_signed);
+        let alpha = if self.coin() { 1.0 } else { self.random.random_range(0.2..2.0) };
+        let c = self.coin().then(|| TypedTensor {
+            shape: vec![n],
+            elements: Elements::I32((0..n).map(|_| self.random.random_range(-9000..9000)).collect()),
+        });
+        let mut operands = [a.to_vec(), vec![Some(b), b_step, b_zero, c]].concat();
+        if self.random.random_bool(0.75) {
+            let y_step = self.step(a_step * 0.03 * 60.0 * (k as f32).sqrt());
+            operands.extend([scalar(y_step), self.zero()]);
+        }
+        let attributes =
+            vec![float("alpha", alpha), int("transA", i64::from(trans_a)), int("transB", i64::from(trans_b))];
+        (attributes, operands)
+    }
+
+    /// Matrices of so many rows, by one with a list of scales for its columns.
+    fn sides(&mut self) -> (Vec<usize>, usize, usize) {
+        let (batch, m, k, n) = (self.side(3), self.side(9), self.side(40), self.side(9));
+        (vec![batch, m, k], k, n)
+    }
+
+    fn product_to_float(&mut self) -> Parts {
+        let (shape, k, n) = self.sides();
+        let a_step = self.small_step();
+        let [a, a_step, a_zero] = self.stored(&shape, a_step);
+        let b_signed = self.signed || self.coin();
+        let b = self.weights(&[k, n], b_signed);
+        let [b_step, b_zero] = self.of_channels(n, b_signed);
+        let bias = self.coin().then(|| self.numbers(&[n], 2.0)).flatten();
+        (vec![], vec![a, Some(b), a_step, b_step, a_zero, b_zero, bias])
+    }
+
+    fn dynamic_product(&mut self) -> Parts {
+        let (shape, k, n) = self.sides();
+        let a = self.numbers(&shape, 3.0);
+        let b_signed = self.coin();
+        let b = self.weights(&[k, n], b_signed);
+        let [b_step, b_zero] = self.of_channels(n, b_signed);
+        let bias = self.coin().then(|| self.numbers(&[n], 2.0)).flatten();
+        (vec![], vec![a, Some(b), b_step, b_zero, bias])
+    }
+
+    fn activation(&mut self, operator: &str) -> Parts {
+        let shape = self.shape(1..=3, 9);
+        let x = self.numbers(&shape, 4.0);
+        match operator {
+            "QuickGelu" => (vec![float("alpha", self.random.random_range(0.5..2.0))], vec![x]),
+            "Gelu" => (vec![], vec![x]),
+            _ => {
+                let bias = self.numbers(&shape[shape.len() - 1..], 1.0);
+                (vec![], vec![x, bias])
+            }
+        }
+    }
+
+    /// An activation that ONNX Runtime fuses, and its settings.
+    fn fused(&mut self) -> (&'static str, Vec<f32>) {
+        match self.random.random_range(0..6) {
+            0 => ("Relu", vec![]),
+            1 => ("Sigmoid", vec![]),
+            2 => ("Tanh", vec![]),
+            3 => ("LeakyRelu", vec![self.random.random_range(0.0..0.5)]),
+            4 => ("HardSigmoid", vec![0.2, 0.5]),
+            _ => ("Clip", vec![-0.5, 0.75]),
+        }
+    }
+
+    fn fused_convolution(&mut self) -> Parts {
+        let (shape, _) = self.image(false);
+        let (outputs, kernel) = (self.side(4), [self.side(3), self.side(3)]);
+        let x = self.numbers(&shape, 1.0);
+        let w = self.numbers(&[outputs, shape[1], kernel[0], kernel[1]], 0.5);
+        let bias = self.coin().then(|| self.numbers(&[outputs], 1.0)).flatten();
+        let (name, settings) = self.fused();
+        let mut attributes = self.window(kernel);
+        attributes.push(text("activation", name));
+        if !settings.is_empty() {
+            attributes.push(AttributeProto {
+                name: Some("activation_params".into()),
+                floats: settings,
+                ..float("", 0.0)
+            });
+        }
+        (attributes, vec![x, w, bias])
+    }
+
+    fn fused_product(&mut self, operator: &str) -> Parts {
+        let (m, k, n) = (self.side(9), self.side(40), self.side(9));
+        let (trans_a, trans_b) = (self.coin(), self.coin());
+        let turned = |turned: bool, a, b| if turned { [b, a] } else { [a, b] };
+        let (a, b) = (self.numbers(&turned(trans_a, m, k), 1.0), self.numbers(&turned(trans_b, k, n), 1.0));
+        let mut attributes = vec![
+            float("alpha", self.random.random_range(0.2..2.0)),
+            int("transA", i64::from(trans_a)),
+            int("transB", i64::from(trans_b)),
+        ];
+        if operator == "FusedMatMul" {
+            return (attributes, vec![a, b]);
+        }
+        let c = self.numbers(&[n], 1.0);
+        // Limits are no settings of this operator's.
+        let (name, settings) =
+            std::iter::repeat_with(|| self.fused()).find(|(name, _)| *name != "Clip").expect("one");
+        attributes.push(text("activation", name));
+        let names = ["activation_alpha", "activation_beta"];
+        attributes.extend(names.iter().zip(settings).map(|(name, setting)| float(name, setting)));
+        (attributes, vec![a, b, c])
+    }
+}
