@@ -113,6 +113,12 @@ const OPERATORS: &str = "Abs Acos Acosh Add AffineGrid And ArgMax ArgMin Asin As
     Softsign SpaceToDepth Split Sqrt Squeeze StringConcat Sub Sum SwiGLU Swish Tan Tanh TensorScatter TfIdfVectorizer \
     ThresholdedRelu Tile TopK Transpose Trilu Unique Unsqueeze Upsample Where Xor";
 
+/// Those of ONNX Runtime's own domain.
+const FOREIGN: &str = "BiasGelu DequantizeLinear DynamicQuantizeMatMul FastGelu FusedConv FusedGemm FusedMatMul Gelu \
+    MatMulIntegerToFloat NhwcMaxPool QGemm QLinearAdd QLinearAveragePool QLinearConcat QLinearConv \
+    QLinearGlobalAveragePool QLinearLeakyRelu QLinearMul QLinearReduceMean QLinearSigmoid QLinearSoftmax QLinearWhere \
+    QuantizeLinear QuickGelu";
+
 const INTS: &str = "axes dilations ends kernel_shape ngram_counts ngram_indexes output_padding output_shape paddings pads \
     perm pooled_shape shape split starts strides value_ints";
 
@@ -257,10 +263,11 @@ fn evaluate<T: Scalar>(
 }
 
 /// The attributes that an operator understands, as it says itself when it is given one that nobody does.
-fn attributes<T: Scalar>(random: &mut impl Rng, operator: &str) -> Vec<String> {
+fn attributes<T: Scalar>(random: &mut impl Rng, domain: &str, operator: &str) -> Vec<String> {
     let foreign = AttributeProto { name: Some("nobody's".into()), ..Default::default() };
     for _ in 0..200 {
         let node = NodeProto {
+            domain: Some(domain.into()),
             op_type: Some(operator.into()),
             attribute: vec![foreign.clone()],
             output: vec!["y".into()],
@@ -295,8 +302,11 @@ fn fuzz<T: Scalar>(seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let cases = setting("VITRUVIAN_CASES", 150);
     let mut never = Vec::new();
-    for operator in OPERATORS.split_whitespace() {
-        let known = attributes::<T>(&mut random, operator);
+    let own = OPERATORS.split_whitespace().map(|operator| ("", operator));
+    for (domain, operator) in
+        own.chain(FOREIGN.split_whitespace().map(|operator| ("com.microsoft", operator)))
+    {
+        let known = attributes::<T>(&mut random, domain, operator);
         let mut answered = 0;
         for _ in 0..cases {
             let operands = operands::<T>(&mut random);
@@ -304,6 +314,7 @@ fn fuzz<T: Scalar>(seed: u64) {
             let some = random.random_range(0..3);
             let chosen: Vec<&String> = known.choose_multiple(&mut random, some).collect();
             let node = NodeProto {
+                domain: Some(domain.into()),
                 op_type: Some(operator.into()),
                 attribute: chosen.into_iter().map(|name| attribute(&mut random, name, rank)).collect(),
                 output: (0..random.random_range(1..=3)).map(|k| format!("y{k}")).collect(),

@@ -1,7 +1,7 @@
 //! Operators of ONNX Runtime's domain `com.microsoft`, on random problems.
 
 use vitruvian_conformance::problem::microsoft::{QUANTIZED, REAL};
-use vitruvian_conformance::suite::microsoft::judge_problems;
+use vitruvian_conformance::suite::microsoft::{judge_mistakes, judge_problems, judge_steps};
 use vitruvian_conformance::suite::operators::Draw;
 
 #[test]
@@ -15,4 +15,24 @@ fn onnx_runtime_and_reference_agree_on_the_operators_of_its_own_domain() {
         }
     }
     assert!(disagreements.is_empty(), "{}", disagreements.join("\n\n"));
+}
+
+#[test]
+fn an_engine_that_reads_any_operand_as_another_is_told() {
+    for operator in QUANTIZED.into_iter().chain(REAL) {
+        let outcome = judge_mistakes(operator, 0..8).expect("ONNX Runtime");
+        println!("{operator}: {} mistakes, {} missed", outcome.planted, outcome.missed.len());
+        assert!(outcome.planted >= 8, "{operator}: {} mistakes change an output", outcome.planted);
+        assert!(outcome.missed.is_empty(), "{operator}: {}", outcome.missed.join("\n"));
+    }
+}
+
+#[test]
+fn an_integer_that_is_one_level_off_is_wrong_but_on_the_other_side_of_a_tie() {
+    for operator in QUANTIZED {
+        let steps = judge_steps(operator, 0..40).expect("ONNX Runtime");
+        println!("{operator}: {steps:?}");
+        // A quarter of the problems has scales that are powers of two, where up to half of the numbers are ties.
+        assert!(steps.moved > 200 && steps.accepted * 10 < steps.moved, "{operator}: {steps:?}");
+    }
 }

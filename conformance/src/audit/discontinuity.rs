@@ -86,11 +86,11 @@ pub(super) fn specified_outcomes(
     // Coordinates are rarely kept in less than f32, whatever the image is of.
     let unit = borrowed.iter().flatten().filter_map(|value| value.element.unit_roundoff());
     let unit = unit.fold(UNIT_ROUNDOFF, f64::max);
-    let resampled = walk::alternatives(node, opset, &borrowed, unit);
-    if resampled.is_empty() {
+    let specified = walk::alternatives(node, opset, &borrowed, unit);
+    if specified.is_empty() {
         return other_outcomes(node, opset, operands, &walk::evaluate);
     }
-    resampled.into_iter().map(|value| vec![Some(value)]).collect()
+    specified.into_iter().map(|value| vec![Some(value)]).collect()
 }
 
 /// The outputs with the deciding operands moved in every combination of directions; none where nothing jumps.

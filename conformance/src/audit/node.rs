@@ -27,7 +27,8 @@ impl Node {
         let node = &model.nodes()[index];
         let name = name(node, index);
         let (mut case, mut derived) = (None, Vec::new());
-        let judgement = match view(node, model.opset(), held, &mut derived) {
+        let viewed = known_version(model, node).and_then(|()| view(node, model.opset(), held, &mut derived));
+        let judgement = match viewed {
             Ok(view) => {
                 let judgement = judge_view(&view, effort);
                 if judgement.is_outside() {
@@ -101,6 +102,16 @@ fn view<'a>(
         _ => None,
     });
     Ok(View { node, opset, operands, found: found.collect() })
+}
+
+/// Refuses another version of ONNX Runtime's domain than that whose meaning is known; ONNX's own is looked at with the operator.
+fn known_version(model: &Model, node: &NodeProto) -> Result<(), String> {
+    match node.domain.as_deref().and_then(|domain| Some((domain, model.opset_of(domain)?))) {
+        Some((domain @ "com.microsoft", version)) if version != 1 => {
+            Err(format!("version {version} of domain {domain}; version 1 is known"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The case with its own tensors; `None` where the reference filled some in.

@@ -12,7 +12,7 @@ use super::OPSET;
 use crate::audit::Case;
 use crate::audit::onnx_runtime::{given, taken};
 use crate::error::{Error, Result};
-use crate::onnx::builder::{GraphBuilder, float, int, ints, text};
+use crate::onnx::builder::{GraphBuilder, float, floats, int, ints, text};
 use crate::onnx::message::{AttributeProto, NodeProto};
 use crate::onnx::typed_tensor::{Elements, TypedTensor};
 
@@ -84,6 +84,35 @@ impl Foreign {
     }
 }
 
+/// The problem with each operand read as another in turn, as an engine with a mistake in it might: scales a little larger, no
+/// zero points, the elements from behind, the other choices.
+pub fn mistaken(problem: &Foreign) -> Vec<Foreign> {
+    let misread = |i: usize| {
+        let mut other = problem.clone();
+        other.operands[i] = Some(misread(problem.operands[i].as_ref()?));
+        Some(other)
+    };
+    (0..problem.operands.len()).filter_map(misread).collect()
+}
+
+fn misread(tensor: &TypedTensor) -> TypedTensor {
+    fn bytes<E: Copy + PartialEq + From<bool>>(v: &[E]) -> Vec<E> {
+        match v {
+            &[zero] => vec![E::from(zero == E::from(false))],
+            _ => v.iter().rev().copied().collect(),
+        }
+    }
+    let elements = match &tensor.elements {
+        Elements::F32(v) => Elements::F32(v.iter().map(|x| x * 1.03).collect()),
+        Elements::I8(v) => Elements::I8(bytes(v)),
+        Elements::U8(v) => Elements::U8(bytes(v)),
+        Elements::I32(v) => Elements::I32(vec![0; v.len()]),
+        Elements::Bool(v) => Elements::Bool(v.iter().map(|choice| !choice).collect()),
+        other => panic!("operands of {other:?} are not drawn"),
+    };
+    TypedTensor { shape: tensor.shape.clone(), elements }
+}
+
 /// Problems of an operator.
 pub fn problems(operator: &'static str) -> impl Strategy<Value = Foreign> {
     any::<u64>().prop_map(move |seed| drawn(operator, seed))
@@ -141,6 +170,16 @@ pub fn drawn(operator: &'static str, seed: u64) -> Foreign {
 }
 
 type Parts = (Vec<AttributeProto>, Vec<Option<TypedTensor>>);
+
+/// The shape of a convolution with the window of these attributes, which come first: kernel, pads and strides.
+fn convolved(x: &[usize], outputs: usize, window: &[AttributeProto]) -> Vec<usize> {
+    let side = |axis: usize| {
+        let [kernel, before, after, stride] =
+            [&window[0].ints[axis], &window[1].ints[axis], &window[1].ints[axis + 2], &window[2].ints[axis]];
+        (x[axis + 2] as i64 + before + after - kernel) / stride + 1
+    };
+    vec![x[0], outputs, side(0) as usize, side(1) as usize]
+}
 
 /// Random operands.
 struct Draw {
@@ -426,13 +465,10 @@ impl Draw {
         let mut attributes = self.window(kernel);
         attributes.push(text("activation", name));
         if !settings.is_empty() {
-            attributes.push(AttributeProto {
-                name: Some("activation_params".into()),
-                floats: settings,
-                ..float("", 0.0)
-            });
+            attributes.push(floats("activation_params", &settings));
         }
-        (attributes, vec![x, w, bias])
+        let z = self.coin().then(|| self.numbers(&convolved(&shape, outputs, &attributes), 1.0)).flatten();
+        (attributes, vec![x, w, bias, z])
     }
 
     fn fused_product(&mut self, operator: &str) -> Parts {
