@@ -84,8 +84,8 @@ impl Foreign {
     }
 }
 
-/// The problem with each operand read as another in turn, as an engine with a mistake in it might: scales a little larger, no
-/// zero points, the elements from behind, the other choices.
+/// The problem with each operand read as another in turn, as an engine with a mistake in it might: scales a little larger,
+/// zero points far off, the elements from behind, the other choices.
 pub fn mistaken(problem: &Foreign) -> Vec<Foreign> {
     let misread = |i: usize| {
         let mut other = problem.clone();
@@ -96,16 +96,16 @@ pub fn mistaken(problem: &Foreign) -> Vec<Foreign> {
 }
 
 fn misread(tensor: &TypedTensor) -> TypedTensor {
-    fn bytes<E: Copy + PartialEq + From<bool>>(v: &[E]) -> Vec<E> {
+    fn bytes<E: Copy>(v: &[E], other: fn(E) -> E) -> Vec<E> {
         match v {
-            &[zero] => vec![E::from(zero == E::from(false))],
+            &[zero] => vec![other(zero)],
             _ => v.iter().rev().copied().collect(),
         }
     }
     let elements = match &tensor.elements {
         Elements::F32(v) => Elements::F32(v.iter().map(|x| x * 1.03).collect()),
-        Elements::I8(v) => Elements::I8(bytes(v)),
-        Elements::U8(v) => Elements::U8(bytes(v)),
+        Elements::I8(v) => Elements::I8(bytes(v, |zero| if zero.unsigned_abs() < 25 { 50 } else { 0 })),
+        Elements::U8(v) => Elements::U8(bytes(v, |zero| if zero < 25 { 50 } else { 0 })),
         Elements::I32(v) => Elements::I32(vec![0; v.len()]),
         Elements::Bool(v) => Elements::Bool(v.iter().map(|choice| !choice).collect()),
         other => panic!("operands of {other:?} are not drawn"),

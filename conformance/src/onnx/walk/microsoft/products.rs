@@ -21,6 +21,7 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
     let y = match call.operator {
         "DynamicQuantizeMatMul" => dynamic(call, 0.0),
         "MatMulIntegerToFloat" => scaled(call),
+        "QGemm" if call.optional(7).is_some() => Err("the output has a scale and no zero point".into()),
         "QGemm" => general(call),
         _ => return None,
     };
