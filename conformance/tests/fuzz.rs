@@ -116,7 +116,7 @@ const OPERATORS: &str = "Abs Acos Acosh Add AffineGrid And ArgMax ArgMin Asin As
 /// Those of ONNX Runtime's own domain.
 const FOREIGN: &str = "BiasGelu DequantizeLinear DynamicQuantizeMatMul FastGelu FusedConv FusedGemm FusedMatMul Gelu \
     MatMulIntegerToFloat NhwcMaxPool QGemm QLinearAdd QLinearAveragePool QLinearConcat QLinearConv \
-    QLinearGlobalAveragePool QLinearLeakyRelu QLinearMul QLinearReduceMean QLinearSigmoid QLinearSoftmax QLinearWhere \
+    QLinearGlobalAveragePool QLinearLeakyRelu QLinearMul QLinearSigmoid QLinearSoftmax QLinearWhere \
     QuantizeLinear QuickGelu";
 
 const INTS: &str = "axes dilations ends kernel_shape ngram_counts ngram_indexes output_padding output_shape paddings pads \

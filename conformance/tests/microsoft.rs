@@ -32,7 +32,7 @@ fn an_integer_that_is_one_level_off_is_wrong_but_on_the_other_side_of_a_tie() {
     for operator in QUANTIZED {
         let steps = judge_steps(operator, 0..40).expect("ONNX Runtime");
         println!("{operator}: {steps:?}");
-        // A quarter of the problems has scales that are powers of two, where up to half of the numbers are ties.
-        assert!(steps.moved > 200 && steps.accepted * 10 < steps.moved, "{operator}: {steps:?}");
+        // The bounds of a level reach over at most a hundredth of the way to the next one.
+        assert!(steps.moved > 200 && steps.accepted * 100 < steps.moved, "{operator}: {steps:?}");
     }
 }

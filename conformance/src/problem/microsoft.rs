@@ -115,7 +115,7 @@ fn misread(tensor: &TypedTensor) -> TypedTensor {
 
 /// Problems of an operator.
 pub fn problems(operator: &'static str) -> impl Strategy<Value = Foreign> {
-    any::<u64>().prop_map(move |seed| drawn(operator, seed))
+    (any::<u64>(), prop::bool::weighted(0.25)).prop_map(move |(seed, halves)| drawn(operator, seed, halves))
 }
 
 /// Operators that give integers that stand for numbers.
@@ -146,12 +146,12 @@ pub const REAL: [&str; 9] = [
     "QuickGelu",
 ];
 
-/// One problem.
+/// One problem; with `halves` its scales are powers of two, so that many numbers lie half way between two integers.
 ///
 /// # Panics
 /// When the operator is none of [`QUANTIZED`] and [`REAL`].
-pub fn drawn(operator: &'static str, seed: u64) -> Foreign {
-    let mut draw = Draw::new(seed);
+pub fn drawn(operator: &'static str, seed: u64, halves: bool) -> Foreign {
+    let mut draw = Draw::new(seed, halves);
     let (attributes, operands) = match operator {
         "BiasGelu" | "FastGelu" | "Gelu" | "QuickGelu" => draw.activation(operator),
         "DynamicQuantizeMatMul" => draw.dynamic_product(),
@@ -185,7 +185,7 @@ fn convolved(x: &[usize], outputs: usize, window: &[AttributeProto]) -> Vec<usiz
 struct Draw {
     random: ChaCha8Rng,
     signed: bool,
-    powers_of_two: bool,
+    halves: bool,
 }
 
 fn scalar(x: f32) -> Option<TypedTensor> {
@@ -193,10 +193,10 @@ fn scalar(x: f32) -> Option<TypedTensor> {
 }
 
 impl Draw {
-    fn new(seed: u64) -> Self {
+    fn new(seed: u64, halves: bool) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let (signed, powers_of_two) = (random.random_bool(0.5), random.random_bool(0.25));
-        Self { random, signed, powers_of_two }
+        let signed = random.random_bool(0.5);
+        Self { random, signed, halves }
     }
 
     fn coin(&mut self) -> bool {
@@ -215,7 +215,7 @@ impl Draw {
     /// A scale about this size.
     fn step(&mut self, about: f32) -> f32 {
         let step = about * 10_f32.powf(self.random.random_range(-0.3..0.3));
-        if self.powers_of_two { step.log2().round().exp2() } else { step }
+        if self.halves { step.log2().round().exp2() } else { step }
     }
 
     fn small_step(&mut self) -> f32 {

@@ -74,7 +74,7 @@ pub struct Planted {
 pub fn judge_mistakes(operator: &'static str, seeds: std::ops::Range<u64>) -> Result<Planted> {
     let mut outcome = Planted::default();
     for seed in seeds {
-        let problem = drawn(operator, seed);
+        let problem = drawn(operator, seed, false);
         let right = problem.run()?;
         for other in mistaken(&problem) {
             let found = other.run()?.found;
@@ -107,7 +107,7 @@ pub struct Steps {
 pub fn judge_steps(operator: &'static str, seeds: std::ops::Range<u64>) -> Result<Steps> {
     let mut steps = Steps::default();
     for seed in seeds {
-        let right = drawn(operator, seed).run()?;
+        let right = drawn(operator, seed, false).run()?;
         for step in [-1, 1] {
             let moved: Vec<Option<TypedTensor>> =
                 right.found.iter().map(|found| moved(found.as_ref()?, step)).collect();

@@ -86,6 +86,10 @@ pub(super) fn is_element_wise(operator: &str) -> bool {
     named(ELEMENT_WISE, operator)
 }
 
+/// Those of ONNX Runtime's own domain that do.
+const FOREIGN_ELEMENT_WISE: &str = "BiasGelu FastGelu Gelu QLinearAdd QLinearLeakyRelu QLinearMul QLinearSigmoid \
+    QLinearWhere QuickGelu";
+
 /// Operators that compute nothing: their elements are found by moving places.
 const MOVEMENTS: &str = "CenterCropPad Concat DepthToSpace Expand Flatten Gather GatherElements GatherND Pad Reshape \
     ReverseSequence ScatterElements ScatterND Slice SpaceToDepth Split Squeeze Tile Transpose Trilu \
@@ -151,10 +155,12 @@ impl View<'_> {
     fn known(&self, index: &[usize]) -> Option<Vec<Option<Field>>> {
         let count = self.operands.len();
         let operator = self.node.op_type.as_deref().unwrap_or_default();
-        if !matches!(self.node.domain.as_deref(), None | Some("" | "ai.onnx")) {
-            return None;
-        }
-        if named(ELEMENT_WISE, operator) {
+        let element_wise = match self.node.domain.as_deref() {
+            None | Some("" | "ai.onnx") => named(ELEMENT_WISE, operator),
+            Some("com.microsoft") if named(FOREIGN_ELEMENT_WISE, operator) => true,
+            Some(_) => return None,
+        };
+        if element_wise {
             return Some((0..count).map(|i| self.broadcast(i, index)).collect());
         }
         match operator {

@@ -18,7 +18,6 @@ pub(super) fn levelled<T: Scalar>(call: &Call<T>) -> Option<Result<Levels<T>, St
         "QLinearGlobalAveragePool" => mean_of_images(call),
         "QLinearLeakyRelu" => between(call, "LeakyRelu", &[0], 3),
         "QLinearMul" => product(call),
-        "QLinearReduceMean" => between(call, "ReduceMean", &[0], 3),
         "QLinearSigmoid" => between(call, "Sigmoid", &[0], 3),
         "QLinearSoftmax" => between(call, "Softmax", &[0], 3),
         "QLinearWhere" => between(call, "Where", &[1, 4], 7),
@@ -37,14 +36,27 @@ pub(super) fn evaluate<T: Scalar>(call: &Call<T>) -> Answer<T> {
     Some(y.map(|y| vec![y]))
 }
 
-/// The attributes that an operator has here beside those of ONNX's.
-fn outer(operator: &str) -> &'static [&'static str] {
+/// The attributes that an operator has here: fewer than ONNX's, and others.
+fn known(operator: &str) -> &'static [&'static str] {
     match operator {
-        "AveragePool" | "QLinearConv" => &["channels_last"],
-        "Softmax" => &["opset"],
+        "AveragePool" => &[
+            "auto_pad",
+            "ceil_mode",
+            "channels_last",
+            "count_include_pad",
+            "kernel_shape",
+            "pads",
+            "strides",
+        ],
+        "Concat" => &["axis"],
+        "LeakyRelu" => &["alpha"],
+        "Softmax" => &["axis", "opset"],
         _ => &[],
     }
 }
+
+/// The attributes that ONNX's operators do not have.
+const OUTER: [&str; 2] = ["channels_last", "opset"];
 
 /// The integers of operand `i`, which stand for numbers.
 fn stored<'a, T: Scalar>(call: &Call<'a, T>, i: usize) -> Result<&'a Tensor<i64>, String> {
@@ -60,14 +72,14 @@ fn stored<'a, T: Scalar>(call: &Call<'a, T>, i: usize) -> Result<&'a Tensor<i64>
 
 /// One of ONNX's operators on the numbers that the operands `at` stand for; `to` is where the output's scale is.
 fn between<T: Scalar>(call: &Call<T>, operator: &str, at: &[usize], to: usize) -> Result<Levels<T>, String> {
-    let mut inner = Inner::of(call, operator, outer(operator));
-    let around = inner.attributes(outer(operator))?;
-    let last = around.flag("channels_last", false)?;
+    let attributes = call.attributes(known(operator))?;
+    let last = attributes.flag("channels_last", false)?;
+    let mut inner = Inner::of(call, operator, &OUTER);
     if operator == "Softmax" {
-        if !around.has("opset") {
+        if !attributes.has("opset") {
             return Err("attribute \"opset\" is missing, which says what Softmax means".into());
         }
-        inner.opset = around.int("opset", 0);
+        inner.opset = attributes.int("opset", 0);
     }
     let number = |&i: &usize| {
         let x = dequantize(stored(call, i)?, scale(call, i + 1)?, zero_point(call, i + 2)?);
@@ -127,8 +139,8 @@ fn largest_of_windows<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
 
 /// ONNX's own, with the channels behind the image if asked for.
 fn convolution<T: Scalar>(call: &Call<T>) -> Result<Value<T>, String> {
-    let inner = Inner::of(call, "QLinearConv", outer("QLinearConv"));
-    if !inner.attributes(outer("QLinearConv"))?.flag("channels_last", false)? {
+    let inner = Inner::of(call, "QLinearConv", &OUTER[..1]);
+    if !inner.attributes(&OUTER[..1])?.flag("channels_last", false)? {
         return inner.run(call.operands);
     }
     let x = moved(call.operand(0)?, channels_first)?;
