@@ -127,6 +127,7 @@ mod tests {
     use crate::audit::cases_for_tests::{case, list, numbers as drawn};
     use crate::audit::report::Grade;
     use crate::audit::{Case, judge};
+    use crate::certificate::UNIT_ROUNDOFF;
     use crate::onnx::builder::text;
     use crate::onnx::typed_tensor::Elements;
 
@@ -170,6 +171,9 @@ mod tests {
             for direction in ["forward", "reverse", "bidirectional"] {
                 let case = layer(operator, gates, direction);
                 let (whole, steps) = (outputs(&case, false), outputs(&case, true));
+                // Of sixty steps. A cell that is not shown remembers all of them: there the layer's own bound is the limit.
+                let limit =
+                    |whole: Rounded| if operator == "LSTM" { whole.bound(UNIT_ROUNDOFF) } else { 1e-4 };
                 assert_eq!(whole.len(), steps.len(), "{operator}");
                 for (whole, steps) in whole.iter().flatten().zip(steps.iter().flatten()) {
                     let (whole, steps) =
@@ -182,7 +186,7 @@ mod tests {
                             a.value,
                             b.value
                         );
-                        assert!(b.bound(2f64.powi(-24)) < 5e-3, "{operator} {direction}: {b:?}");
+                        assert!(b.bound(UNIT_ROUNDOFF) <= limit(*a), "{operator} {direction}: {b:?}");
                     }
                 }
             }
