@@ -10,22 +10,24 @@
 //! more, by drawn roundings. Where this would take too long there is no verdict, and the report says so.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use foreign::foreign;
+pub(super) use session::Inputs;
+use session::{Exposed, ship};
 use sha2::{Digest as _, Sha256};
-use vitruvian_runtime::session::{Input, Optimization, Rewriting, Session, Settings, Value};
+use vitruvian_runtime::session::Optimization;
 
-use super::onnx_runtime::{given, taken};
 use super::party::{Party, Segment, Tensors};
-use super::report::{ForeignOperator, Grade, NodeReport, ShippedReport, ShippedTensor};
+use super::report::{Grade, NodeReport, ShippedReport, ShippedTensor};
 use super::{Options, audit};
-use crate::error::{Error, Result};
-use crate::onnx::expose::expose;
+use crate::error::Result;
 use crate::onnx::message::NodeProto;
 use crate::onnx::model::Model;
 use crate::onnx::typed_tensor::TypedTensor;
+
+mod foreign;
+mod session;
 
 /// The levels of optimisation, from the least.
 const LEVELS: [(Optimization, &str); 3] =
@@ -128,66 +130,6 @@ fn worst(tensors: &[ShippedTensor]) -> Grade {
     tensors.iter().map(|tensor| tensor.verdict).max_by_key(|&grade| rank(grade)).unwrap_or(Grade::G0)
 }
 
-/// The inputs in ONNX Runtime's memory.
-pub(super) struct Inputs(Vec<(String, Value)>);
-
-impl Inputs {
-    pub fn new(inputs: &BTreeMap<String, TypedTensor>) -> Result<Self> {
-        let held = inputs.iter().map(|(name, tensor)| Ok((name.clone(), given(name, tensor)?)));
-        Ok(Self(held.collect::<Result<_>>()?))
-    }
-
-    /// Runs a session on them.
-    pub fn run(&self, session: &mut Session, outputs: &[&str]) -> Result<Vec<TypedTensor>> {
-        let inputs: Vec<(&str, Input)> =
-            self.0.iter().map(|(name, value)| (name.as_str(), value.into())).collect();
-        let values = session.run(&inputs, outputs)?;
-        let tensor = |(name, value): (&&str, &Value)| {
-            taken(value).map_err(|message| Error::Onnx {
-                graph: session.path().display().to_string(),
-                item: format!("output \"{name}\""),
-                message,
-            })
-        };
-        outputs.iter().zip(&values).map(tensor).collect()
-    }
-}
-
-/// A file that is gone when it is dropped.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn new() -> Self {
-        static COUNT: AtomicUsize = AtomicUsize::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        Self(std::env::temp_dir().join(format!("vitruvian-optimised-{}-{count}.onnx", std::process::id())))
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // Nothing can be done about a file that does not go, and nothing depends on it.
-        let _ = std::fs::remove_file(&self.0);
-    }
-}
-
-/// The outputs of the session as shipped at a level, and the graph that it runs.
-fn ship(
-    model: &Model,
-    inputs: &Inputs,
-    optimization: Optimization,
-    threads: usize,
-) -> Result<(BTreeMap<String, TypedTensor>, Model)> {
-    let scratch = Scratch::new();
-    let rewriting = Rewriting { saved: Some(&scratch.0), ..Rewriting::default() };
-    let settings = Settings { optimization, threads };
-    let mut session = Session::rewritten(model.name(), model.bytes(), &settings, rewriting)?;
-    let names: Vec<String> = session.outputs().iter().map(|output| output.name.clone()).collect();
-    let found = inputs.run(&mut session, &names.iter().map(String::as_str).collect::<Vec<_>>())?;
-    let optimised = Model::read(&scratch.0)?;
-    Ok((names.into_iter().zip(found).collect(), optimised))
-}
-
 /// The tensors that nodes of both graphs make under the same name, in the order of the first.
 fn survivors<'a>(model: &'a Model, optimised: &Model) -> Vec<&'a str> {
     let left: BTreeSet<&str> = made(optimised.nodes()).collect();
@@ -196,20 +138,6 @@ fn survivors<'a>(model: &'a Model, optimised: &Model) -> Vec<&'a str> {
 
 fn made(nodes: &[NodeProto]) -> impl Iterator<Item = &str> {
     nodes.iter().flat_map(|node| &node.output).map(String::as_str).filter(|name| !name.is_empty())
-}
-
-/// A graph that runs as it is written and gives any of its tensors.
-struct Exposed(Session);
-
-impl Exposed {
-    fn new(model: &Model, tensors: &[&str], threads: usize) -> Result<Self> {
-        let settings = Settings { optimization: Optimization::Disabled, threads };
-        Ok(Self(Session::from_bytes(model.name(), &expose(model, tensors), &settings)?))
-    }
-
-    fn run(&mut self, inputs: &Inputs, tensors: &[&str]) -> Result<Vec<TypedTensor>> {
-        inputs.run(&mut self.0, tensors)
-    }
 }
 
 /// The tensors, or where they have more than [`ASKED`] bytes by the first audit, every k-th of them beside the graph's own
@@ -370,155 +298,5 @@ fn grade(nodes: &[NodeReport], tensors: &mut [ShippedTensor], of: Option<&BTreeS
     }
 }
 
-/// The operators that are not ONNX's own, with what they stand for.
-fn foreign(nodes: &[NodeProto]) -> Vec<ForeignOperator> {
-    let mut counts: BTreeMap<String, (usize, Option<&str>)> = BTreeMap::new();
-    for node in nodes {
-        let (domain, operator) =
-            (node.domain.as_deref().unwrap_or_default(), node.op_type.as_deref().unwrap_or_default());
-        if !matches!(domain, "" | "ai.onnx") {
-            counts.entry(format!("{domain}.{operator}")).or_insert((0, meaning(domain, operator))).0 += 1;
-        }
-    }
-    let operator = |(op, (count, meaning)): (String, (usize, Option<&str>))| ForeignOperator {
-        op,
-        count,
-        meaning: meaning.map(str::to_owned),
-    };
-    counts.into_iter().map(operator).collect()
-}
-
-/// What an operator of ONNX Runtime stands for in ONNX's own.
-fn meaning(domain: &str, operator: &str) -> Option<&'static str> {
-    Some(match (domain, operator) {
-        ("com.microsoft.nchwc", "Conv") => "Conv with bias, sum and activation, channels in blocks",
-        ("com.microsoft.nchwc", "MaxPool") => "MaxPool, channels in blocks",
-        ("com.microsoft.nchwc", "AveragePool") => "AveragePool, channels in blocks",
-        ("com.microsoft.nchwc", "GlobalMaxPool") => "GlobalMaxPool, channels in blocks",
-        ("com.microsoft.nchwc", "GlobalAveragePool") => "GlobalAveragePool, channels in blocks",
-        ("com.microsoft.nchwc", "Upsample") => "Resize, channels in blocks",
-        ("com.microsoft.nchwc", "ReorderInput") => "channels into blocks, no arithmetic",
-        ("com.microsoft.nchwc", "ReorderOutput") => "channels out of blocks, no arithmetic",
-        ("com.ms.internal.nhwc" | "com.microsoft", "NhwcConv" | "NhwcFusedConv") => "Conv, channels last",
-        ("com.microsoft", "FusedConv") => "Conv, then Add and the activation",
-        ("com.microsoft", "FusedGemm") => "Gemm, then the activation",
-        ("com.microsoft", "FusedMatMul") => "MatMul of operands transposed and scaled",
-        ("com.microsoft", "FusedMatMulActivation") => "MatMul, then the activation",
-        ("com.microsoft", "Gelu") => "Gelu",
-        ("com.microsoft", "BiasGelu") => "Add, then Gelu",
-        ("com.microsoft", "FastGelu") => "Gelu by tanh",
-        ("com.microsoft", "QuickGelu") => "x · Sigmoid(alpha · x)",
-        ("com.microsoft", "BiasSoftmax") => "Add, then Softmax",
-        ("com.microsoft", "SkipLayerNormalization") => "Add, then LayerNormalization",
-        ("com.microsoft", "SimplifiedLayerNormalization") => "RMSNormalization",
-        ("com.microsoft", "SkipSimplifiedLayerNormalization") => "Add, then RMSNormalization",
-        ("com.microsoft", "Attention" | "MultiHeadAttention") => "Softmax(q·kᵀ)·v over heads",
-        ("com.microsoft", "QLinearAdd" | "QLinearMul") => "dequantised, computed, quantised",
-        ("com.microsoft", "QLinearAveragePool" | "QLinearGlobalAveragePool") => "the pool, quantised",
-        ("com.microsoft", "DynamicQuantizeMatMul") => "MatMul of an operand quantised as it comes",
-        ("com.microsoft", "MatMulIntegerToFloat") => "MatMulInteger, then scaled",
-        ("com.microsoft", "TransposeMatMul") => "MatMul of transposed operands",
-        _ => return None,
-    })
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::onnx::builder::{GraphBuilder, int, ints};
-    use crate::onnx::external::scattered;
-    use crate::onnx::typed_tensor::Elements;
-    use crate::problem::values::Values;
-
-    fn inputs(shape: &[usize]) -> BTreeMap<String, TypedTensor> {
-        let x = Values::ordinary(7).fill(shape);
-        let tensor = TypedTensor::new(shape, Elements::F32(x.values)).expect("a tensor");
-        BTreeMap::from([("x".to_owned(), tensor)])
-    }
-
-    /// y = Relu(Conv(x)) + 1, which ONNX Runtime fuses, with an Identity that it removes.
-    fn fused() -> Model {
-        let w = Values::ordinary(1).fill(&[16, 16, 3, 3]);
-        let bytes = GraphBuilder::new(17)
-            .input("x", &[1, 16, 6, 6])
-            .constant("w", &[16, 16, 3, 3], &w.values)
-            .constant("one", &[1], &[1.0])
-            .node("Identity", &["x"], &["same"], vec![])
-            .node("Conv", &["same", "w"], &["c"], vec![ints("pads", &[1, 1, 1, 1]), int("group", 1)])
-            .node("Relu", &["c"], &["r"], vec![])
-            .node("Add", &["r", "one"], &["y"], vec![])
-            .output("y")
-            .to_bytes();
-        Model::from_bytes("fused.onnx", bytes).expect("a model")
-    }
-
-    fn audited(model: &Model, inputs: &BTreeMap<String, TypedTensor>) -> ShippedReport {
-        let mut party = super::super::OnnxRuntime { threads: 1, ..Default::default() };
-        let audit =
-            audit(model, inputs, &mut party, &Options::default(), &mut |_, _, _| ()).expect("an audit");
-        audit.shipped.expect("the session as shipped")
-    }
-
-    #[test]
-    fn weights_may_lie_beside_the_graph() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let scattered = Model::read(&scattered(fused().bytes(), folder.path())).expect("a model");
-        let inputs = inputs(&[1, 16, 6, 6]);
-        assert_eq!(audited(&scattered, &inputs), audited(&fused(), &inputs));
-    }
-
-    #[test]
-    fn what_is_fused_is_judged_through_the_tensors_that_survive() {
-        let report = audited(&fused(), &inputs(&[1, 16, 6, 6]));
-        assert!(report.verdict <= Grade::G1, "{report:?}");
-        assert!(report.nodes.1 < report.nodes.0 || !report.operators.is_empty(), "{report:?}");
-        let names: Vec<&str> = report.tensors.iter().map(|tensor| tensor.name.as_str()).collect();
-        assert!(names.contains(&"y") && !names.contains(&"same"), "{names:?}");
-        for tensor in report.tensors.iter().filter(|tensor| !tensor.identical) {
-            assert!(tensor.changed_at.is_some(), "{tensor:?}");
-        }
-        for operator in &report.operators {
-            assert!(operator.meaning.is_some(), "{operator:?}");
-        }
-        assert!(report.notes.is_empty(), "{:?}", report.notes);
-    }
-
-    #[test]
-    fn a_graph_that_nothing_changes_keeps_the_verdicts_of_the_first_audit() {
-        let bytes = GraphBuilder::new(17).input("x", &[2, 3]).node("Neg", &["x"], &["y"], vec![]).output("y");
-        let model = Model::from_bytes("neg.onnx", bytes.to_bytes()).expect("a model");
-        let report = audited(&model, &inputs(&[2, 3]));
-        let [tensor] = &report.tensors[..] else { panic!("{report:?}") };
-        assert!(tensor.identical && tensor.verdict == Grade::G0 && tensor.changed_at.is_none(), "{tensor:?}");
-    }
-
-    #[test]
-    fn a_stale_tensor_of_the_optimiser_is_outside_rounding() {
-        let (model, inputs) = (fused(), inputs(&[1, 16, 6, 6]));
-        let held = Inputs::new(&inputs).expect("inputs");
-        let (mut outputs, _) = ship(&model, &held, Optimization::All, 1).expect("a session");
-        let Some(Elements::F32(y)) = outputs.get_mut("y").map(|y| &mut y.elements) else { panic!("f32") };
-        y.iter_mut().for_each(|y| *y *= 1.001);
-        let mut tensors = vec![ShippedTensor {
-            name: "y".into(),
-            identical: false,
-            abs_max: None,
-            verdict: Grade::NotComparable,
-            changed_at: None,
-            why: None,
-        }];
-        judge(&model, &inputs, &[], outputs, &mut tensors, &mut Vec::new()).expect("judged");
-        assert_eq!(tensors[0].verdict, Grade::G3, "three nodes together, and still seen");
-    }
-
-    #[test]
-    fn a_difference_that_is_no_number_is_none() {
-        let tensor = |values: &[f32]| TypedTensor::new(&[values.len()], Elements::F32(values.to_vec()));
-        let difference = |a: &[f32], b: &[f32]| {
-            largest_difference(&tensor(a).expect("a tensor"), &tensor(b).expect("a tensor"))
-        };
-        assert_eq!(difference(&[1.0, f32::INFINITY], &[1.5, f32::INFINITY]), Some(0.5));
-        assert_eq!(difference(&[1.0], &[f32::NAN]), None);
-        assert_eq!(difference(&[1.0], &[1.0, 2.0]), None, "shapes");
-    }
-}
+mod tests;
