@@ -14,14 +14,14 @@
 //! | [`hypothesis`] | which mistake explains the numbers of a node that is outside rounding |
 //! | [`receptive_field`], [`source`], [`reproduction`] | what else is told about that node |
 //! | [`shipped`], [`passes`] | the session as shipped, and which optimiser changes what |
-//! | [`recurrence`] | recurrent layers, step by step |
-//! | [`gap`] | nodes of which the second party kept nothing |
+//! | `recurrence` | recurrent layers, step by step |
+//! | `gap` | nodes of which the second party kept nothing |
 //! | [`precision`], [`measure`], [`slope`] | the grade of an element, of a tensor, of what all its elements share |
 //!
 //! # What if the second party lacks a tensor?
 //! The reference fills it in from the tensors before it, with the bound of its rounding, and the next tensor that is there
 //! is judged against a bound that has grown along the way, or against drawn roundings where that bound says nothing any
-//! more ([`gap`]). The nodes between are judged together, and count as compared only if either says something.
+//! more (`gap`). The nodes between are judged together, and count as compared only if either says something.
 
 mod blame;
 pub mod case;
