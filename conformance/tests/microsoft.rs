@@ -32,7 +32,9 @@ fn an_integer_that_is_one_level_off_is_wrong_but_on_the_other_side_of_a_tie() {
     for operator in QUANTIZED {
         let steps = judge_steps(operator, 0..40).expect("ONNX Runtime");
         println!("{operator}: {steps:?}");
-        // The bounds of a level reach over at most a hundredth of the way to the next one.
-        assert!(steps.moved > 200 && steps.accepted * 100 < steps.moved, "{operator}: {steps:?}");
+        // As far as the bound of a level reaches towards the next one: nowhere, but where up to 6561 exponentials are added up.
+        let share = if operator == "QLinearSoftmax" { 0.02 } else { 0.002 };
+        let accepted = steps.accepted as f64 / steps.moved as f64;
+        assert!(steps.moved > 200 && accepted < share, "{operator}: {steps:?}");
     }
 }
