@@ -25,9 +25,29 @@ pub fn list(integers: &[i64]) -> Option<TypedTensor> {
     TypedTensor::new(&[integers.len()], Elements::I64(integers.to_vec())).ok()
 }
 
+/// An operand of drawn bytes, with a sign or without.
+pub fn drawn_bytes(name: &str, shape: &[usize], signed: bool) -> Option<TypedTensor> {
+    let levels = drawn(name, shape).into_iter().map(|x| 60.0 * x);
+    let elements = match signed {
+        true => Elements::I8(levels.map(|x| x as i8).collect()),
+        false => Elements::U8(levels.map(|x| (128.0 + x) as u8).collect()),
+    };
+    TypedTensor::new(shape, elements).ok()
+}
+
+/// An operand of one number.
+pub fn one(number: f32) -> Option<TypedTensor> {
+    TypedTensor::new(&[], Elements::F32(vec![number])).ok()
+}
+
+/// An operand of one byte.
+pub fn byte(byte: u8) -> Option<TypedTensor> {
+    TypedTensor::new(&[], Elements::U8(vec![byte])).ok()
+}
+
 /// A node with one output, right.
 pub fn case(operator: &str, operands: Vec<Option<TypedTensor>>, attributes: Vec<AttributeProto>) -> Case {
-    let names = ["X", "W", "B", "C", "D"];
+    let names = ["X", "W", "B", "C", "D", "E", "F", "G", "H"];
     let input =
         operands.iter().zip(names).map(|(o, name)| if o.is_some() { name.into() } else { String::new() });
     let node = NodeProto {

@@ -99,7 +99,7 @@ fn cost(case: &Case) -> f64 {
 
 /// The place of the weights, or of the second matrix.
 pub fn weights(operator: &str) -> usize {
-    if operator.starts_with("QLinear") { 3 } else { 1 }
+    if operator.starts_with("QLinear") || operator == "QGemm" { 3 } else { 1 }
 }
 
 fn tensor(case: &Case, place: usize) -> Option<&TypedTensor> {
@@ -128,6 +128,10 @@ fn windowed(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
     let transposed = node.op_type.as_deref() == Some("ConvTranspose");
     let operator = node.op_type.as_deref().unwrap_or_default();
     let (pool, weights) = (operator.ends_with("Pool"), weights(operator));
+    // Of ONNX Runtime's own operators some have their channels behind the image.
+    if int(node, "channels_last", 0) != 0 {
+        return None;
+    }
     let x = tensor(case, 0)?;
     let y = case.found.first()?.as_ref()?;
     let axes = y.shape.len().checked_sub(2)?;
@@ -292,6 +296,7 @@ fn leading(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
             let axis = int(node, "axis", -1);
             usize::try_from(if axis < 0 { axis + rank as i64 } else { axis }).ok()?
         }
+        "QuantizeLinear" | "DequantizeLinear" => rank,
         _ if crate::audit::receptive_field::is_element_wise(operator) => rank,
         _ => 0,
     };
@@ -313,6 +318,15 @@ fn leading(case: &Case, worst: &[usize], products: f64) -> Option<Excerpt> {
         let per_channel = || ranges.get(1).filter(|_| old.shape == [y.shape[1]]).cloned();
         *operand = Some(match (operator, place) {
             ("BatchNormalization" | "InstanceNormalization", 1..) => cut(old, &[per_channel()?])?,
+            ("QuantizeLinear" | "DequantizeLinear", 1..) => match old.shape[..] {
+                [] | [1] => old.clone(),
+                [_] => {
+                    let axis = int(node, "axis", 1);
+                    let axis = usize::try_from(if axis < 0 { axis + rank as i64 } else { axis }).ok()?;
+                    cut(old, &[ranges.get(axis)?.clone()])?
+                }
+                _ => return None,
+            },
             ("GroupNormalization", 1..) => old.clone(),
             ("GridSample", 1) => cut(old, &ranges[..1])?,
             ("Resize", 0) => cut(old, &ranges)?,
@@ -351,7 +365,7 @@ fn resized(sizes: &TypedTensor, ranges: &[Range<usize>]) -> Option<TypedTensor> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::audit::cases_for_tests::{case, given, list, numbers, output};
+    use crate::audit::cases_for_tests::{byte, case, drawn_bytes, given, list, numbers, one, output};
     use crate::onnx::builder::{float, int, ints, text as string};
 
     /// The first output of a part, cut to its window.
@@ -395,6 +409,65 @@ mod tests {
                 [window(), vec![ints("kernel_shape", &[3, 2]), int("ceil_mode", 1)]].concat(),
             ),
             case("MatMul", vec![numbers("a", &[3, 40, 12]), numbers("b", &[3, 12, 50])], vec![]),
+            case(
+                "QLinearConv",
+                vec![
+                    drawn_bytes("x", &[2, 4, 40, 31], false),
+                    one(0.02),
+                    byte(120),
+                    drawn_bytes("w", &[6, 4, 3, 2], true),
+                    channels("s"),
+                    drawn_bytes("z", &[6], true),
+                    one(0.3),
+                    byte(100),
+                    TypedTensor::new(&[6], Elements::I32(vec![5, -80, 700, 0, 9, -4000])).ok(),
+                ],
+                window(),
+            ),
+            case(
+                "ConvInteger",
+                vec![
+                    drawn_bytes("x", &[2, 4, 40, 31], false),
+                    drawn_bytes("w", &[6, 4, 3, 2], true),
+                    byte(120),
+                    drawn_bytes("z", &[6], true),
+                ],
+                window(),
+            ),
+            case(
+                "MatMulInteger",
+                vec![
+                    drawn_bytes("a", &[3, 40, 12], false),
+                    drawn_bytes("b", &[12, 50], true),
+                    byte(120),
+                    drawn_bytes("z", &[50], true),
+                ],
+                vec![],
+            ),
+            case(
+                "QLinearMatMul",
+                vec![
+                    drawn_bytes("a", &[40, 12], false),
+                    numbers("sa", &[40]),
+                    drawn_bytes("za", &[40], false),
+                    drawn_bytes("b", &[12, 50], false),
+                    numbers("sb", &[50]),
+                    drawn_bytes("zb", &[50], false),
+                    one(90.0),
+                    byte(100),
+                ],
+                vec![],
+            ),
+            case("QuantizeLinear", vec![numbers("x", &[5, 30, 40]), one(0.02), byte(120)], vec![]),
+            case(
+                "DequantizeLinear",
+                vec![
+                    drawn_bytes("x", &[5, 30, 40], true),
+                    numbers("s", &[30]),
+                    drawn_bytes("z", &[30], true),
+                ],
+                vec![int("axis", 1)],
+            ),
             case("MatMul", vec![numbers("a", &[3, 40, 12]), numbers("b", &[12, 50])], vec![]),
             case(
                 "Gemm",

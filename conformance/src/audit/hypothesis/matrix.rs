@@ -8,7 +8,7 @@ use crate::onnx::builder;
 pub(super) fn suspicions(trial: &Trial) -> Vec<Suspicion> {
     let mut all = match trial.operator() {
         "Gemm" => gemm(trial),
-        "MatMul" | "MatMulInteger" | "QLinearMatMul" | "Einsum" => product(trial),
+        "MatMul" | "MatMulInteger" | "QLinearMatMul" | "QGemm" | "Einsum" => product(trial),
         _ => Vec::new(),
     };
     all.extend(biases(trial));
@@ -25,6 +25,7 @@ fn biases(trial: &Trial) -> Vec<Suspicion> {
     let place = match trial.operator() {
         "Conv" | "ConvTranspose" | "Gemm" => 2,
         "QLinearConv" => 8,
+        "QGemm" => 6,
         _ => return Vec::new(),
     };
     let Some(shape) = trial.shape(place) else { return Vec::new() };

@@ -23,7 +23,16 @@ fn places(operator: &str) -> Vec<Places> {
     match operator {
         "QuantizeLinear" => vec![of(None, Some(1), 2)],
         "DequantizeLinear" => vec![of(Some(0), Some(1), 2)],
-        "QLinearConv" | "QLinearMatMul" => vec![of(Some(0), Some(1), 2), of(Some(3), Some(4), 5)],
+        "QGemm" | "QLinearAdd" | "QLinearConv" | "QLinearMatMul" | "QLinearMul" => {
+            vec![of(Some(0), Some(1), 2), of(Some(3), Some(4), 5)]
+        }
+        "QLinearAveragePool"
+        | "QLinearGlobalAveragePool"
+        | "QLinearLeakyRelu"
+        | "QLinearSigmoid"
+        | "QLinearSoftmax" => vec![of(Some(0), Some(1), 2)],
+        "QLinearConcat" => vec![of(Some(2), Some(3), 4), of(Some(5), Some(6), 7)],
+        "QLinearWhere" => vec![of(Some(1), Some(2), 3), of(Some(4), Some(5), 6)],
         "ConvInteger" | "MatMulInteger" => vec![of(Some(0), None, 2), of(Some(1), None, 3)],
         _ => Vec::new(),
     }
@@ -80,7 +89,7 @@ fn named(trial: &Trial, place: usize) -> String {
 fn widened(change: impl Fn(i64) -> i64) -> impl Fn(&Value<Rounded>) -> Option<Value<Rounded>> {
     move |old| {
         let new = old.integers().ok()?.map(&change);
-        Some(Value { element: ElementType::I64, data: Data::Integers(new) })
+        Some(Value { element: old.element, data: Data::Integers(new) })
     }
 }
 

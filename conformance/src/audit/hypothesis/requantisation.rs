@@ -38,7 +38,14 @@ type Step = dyn Fn(f64, i64, &RangeInclusive<i64>) -> i64 + Send + Sync;
 fn output_scale(operator: &str) -> Option<usize> {
     match operator {
         "QuantizeLinear" => Some(1),
-        "QLinearConv" | "QLinearMatMul" => Some(6),
+        "QLinearAdd" | "QLinearConv" | "QLinearMatMul" | "QLinearMul" => Some(6),
+        "QGemm" | "QLinearWhere" => Some(7),
+        "QLinearAveragePool"
+        | "QLinearGlobalAveragePool"
+        | "QLinearLeakyRelu"
+        | "QLinearSigmoid"
+        | "QLinearSoftmax" => Some(3),
+        "QLinearConcat" => Some(0),
         _ => None,
     }
 }
@@ -156,7 +163,9 @@ pub(super) fn unrounded(trial: &Trial, with_zero: bool) -> Meaning {
 
 /// Whether the operator rounds to integers.
 fn rounds(trial: &Trial) -> bool {
-    output_scale(trial.operator()).is_some() || trial.operator() == "DynamicQuantizeLinear"
+    // QGemm without a scale of the output gives numbers.
+    output_scale(trial.operator()).is_some_and(|place| trial.shape(place).is_some())
+        || trial.operator() == "DynamicQuantizeLinear"
 }
 
 fn saturated(whole: f64, z: i64, range: &RangeInclusive<i64>) -> i64 {

@@ -1,7 +1,7 @@
 //! What is named, and what is not.
 
 use super::*;
-use crate::audit::cases_for_tests::{case, list, numbers, output};
+use crate::audit::cases_for_tests::{byte, case, drawn_bytes, list, numbers, one, output};
 use crate::onnx::builder::{float, int, ints, text};
 use crate::onnx::message::AttributeProto;
 use crate::onnx::typed_tensor::Elements;
@@ -116,4 +116,89 @@ fn one_of_a_batch_that_is_another_is_named_in_a_large_node_too() {
     let hypothesis = explain(&case, None, ALONE).expect("a hypothesis");
     assert_eq!(hypothesis.name, "batch-order", "{}", hypothesis.detail);
     assert!(hypothesis.detail.contains("slices 0 and 2 along axis 0"), "{}", hypothesis.detail);
+}
+
+#[test]
+fn a_tensor_that_is_computed_from_the_output_is_no_stale_operand() {
+    let right = case("QuantizeLinear", vec![numbers("x", &[12, 12]), one(0.02), byte(120)], vec![]);
+    let mut case = right.clone();
+    let Some(TypedTensor { elements: Elements::U8(found), .. }) = &mut case.found[0] else { panic!("u8") };
+    found.iter_mut().enumerate().for_each(|(i, y)| *y ^= (i * i % 7) as u8);
+    // What was found, as numbers again, gives what was found.
+    let again = found.iter().map(|&y| 0.02 * (f32::from(y) - 120.0)).collect();
+    let again = TypedTensor::new(&[12, 12], Elements::F32(again)).expect("as many");
+    let others = BTreeMap::from([("again".to_owned(), Arc::new(again))]);
+    assert_eq!(name(explain(&case, None, of(&others))), "stale", "where it could have been read");
+    let later = BTreeSet::from(["again".to_owned()]);
+    let hypothesis = explain(&case, None, Others { tensors: &others, later: &later });
+    assert_eq!(hypothesis, None, "noise has no cause");
+}
+
+#[test]
+fn mistakes_in_a_large_quantised_convolution_are_named_from_a_part_of_it() {
+    let operands = |x: u8, y: u8, scale: f32, bias: i32| {
+        vec![
+            drawn_bytes("x", &[1, 16, 44, 41], false),
+            one(scale),
+            byte(x),
+            drawn_bytes("w", &[24, 16, 3, 3], true),
+            TypedTensor::new(&[24], Elements::F32((1_u8..=24).map(|c| 1e-3 * f32::from(c)).collect())).ok(),
+            byte_with_sign(-3),
+            one(0.05),
+            byte(y),
+            TypedTensor::new(&[24], Elements::I32((1..=24).map(|c| bias * (c - 12)).collect())).ok(),
+        ]
+    };
+    let pads = || vec![ints("pads", &[1, 1, 1, 1])];
+    let right = case("QLinearConv", operands(120, 90, 0.012, 300), pads());
+    assert!(Trial::of(&right, None).is_none(), "nothing is wrong");
+    for (wrong, expected, detail) in [
+        (operands(120, 91, 0.012, 300), "zero-point", "the output was +1"),
+        (operands(117, 90, 0.012, 300), "zero-point", "operand 2 (\"B\") was -3"),
+        (operands(120, 90, 0.012 * 1.02, 300), "scale", "1.02 times"),
+        (operands(120, 90, 0.012, 0), "bias-missing", "left out"),
+        (operands(120, 90, 0.012, -300), "bias-sign", "subtracted"),
+    ] {
+        let wrong = case("QLinearConv", wrong, pads());
+        let case = Case { found: wrong.found, ..right.clone() };
+        let hypothesis = explain(&case, Some(&[0, 7, 20, 20]), ALONE).expect(expected);
+        assert_eq!(hypothesis.name, expected, "{}", hypothesis.detail);
+        assert!(hypothesis.detail.contains(detail), "{}", hypothesis.detail);
+    }
+}
+
+fn byte_with_sign(byte: i8) -> Option<TypedTensor> {
+    TypedTensor::new(&[], Elements::I8(vec![byte])).ok()
+}
+
+#[test]
+fn mistakes_in_quantised_operators_of_onnx_runtime_are_named() {
+    let added = |z: u8, y: u8| {
+        let operands = vec![
+            drawn_bytes("a", &[4, 60], false),
+            one(0.0231),
+            byte(z),
+            drawn_bytes("b", &[4, 60], false),
+            one(0.0171),
+            byte(131),
+            one(0.0313),
+            byte(y),
+        ];
+        let mut case = case("Identity", vec![operands[0].clone()], vec![]);
+        case.node.op_type = Some("QLinearAdd".into());
+        case.node.domain = Some("com.microsoft".into());
+        case.operands = operands;
+        case.found = vec![output(&case)];
+        case
+    };
+    let right = added(117, 120);
+    for (wrong, expected, detail) in [
+        (added(119, 120), "zero-point", "in operand 2 (\"\") was +2"),
+        (added(0, 120), "zero-point", "in operand 2 (\"\") was ignored"),
+        (added(117, 121), "zero-point", "of the output was +1"),
+    ] {
+        let hypothesis = explain(&Case { found: wrong.found, ..right.clone() }, None, ALONE).expect(expected);
+        assert_eq!(hypothesis.name, expected, "{}", hypothesis.detail);
+        assert!(hypothesis.detail.contains(detail), "{}", hypothesis.detail);
+    }
 }
