@@ -83,6 +83,24 @@ impl Destinations {
     }
 }
 
+/// Writes a report as JSON where that was asked for, and says the words where the JSON is not.
+pub fn write_json(file: Option<&PathBuf>, report: &impl Serialize, words: &str) -> Result<()> {
+    let Some(file) = file else {
+        table::say(words);
+        return Ok(());
+    };
+    let json = serde_json::to_string_pretty(report)
+        .map_err(|error| Error::file(file, format!("the report cannot be written as JSON: {error}")))?;
+    if is_standard_output(file) {
+        table::say(&json);
+        eprintln!("{words}");
+    } else {
+        atomic::write(file, format!("{json}\n").as_bytes())?;
+        table::say(words);
+    }
+    Ok(())
+}
+
 fn is_standard_output(file: &Path) -> bool {
     file.as_os_str() == "-"
 }

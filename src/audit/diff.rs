@@ -9,8 +9,6 @@ use vitruvian_conformance::audit::variant::report::{
     TopologyReport,
 };
 use vitruvian_conformance::audit::variant::{Options, attribution, diff};
-use vitruvian_runtime::error::Error;
-use vitruvian_runtime::file::atomic;
 
 use super::destinations::Destinations;
 use super::figures::{ending, list, number, optional, plain};
@@ -161,24 +159,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ))),
         _ => Ok(()),
     }
-}
-
-/// Writes a report as JSON where that was asked for, and says the words where the JSON is not.
-pub fn write_json(file: Option<&PathBuf>, report: &impl serde::Serialize, words: &str) -> Result<()> {
-    let Some(file) = file else {
-        table::say(words);
-        return Ok(());
-    };
-    let json = serde_json::to_string_pretty(report)
-        .map_err(|error| Error::file(file, format!("the report cannot be written as JSON: {error}")))?;
-    if file.as_os_str() == "-" {
-        table::say(&json);
-        eprintln!("{words}");
-    } else {
-        atomic::write(file, format!("{json}\n").as_bytes())?;
-        table::say(words);
-    }
-    Ok(())
 }
 
 /// The whole report in words.

@@ -7,7 +7,7 @@ use vitruvian_conformance::audit::report::{ChangedOutput, PassesReport};
 use vitruvian_conformance::onnx::model::Model;
 
 use super::certificate::Inputs;
-use super::diff::write_json;
+use super::destinations::write_json;
 use super::figures::{counted, optional, plain};
 use crate::failure::Result;
 

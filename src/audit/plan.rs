@@ -6,7 +6,8 @@ use clap::ValueEnum;
 use vitruvian_conformance::audit::variant::report::PlanReport;
 use vitruvian_conformance::audit::variant::{Precision, attribution, plan};
 
-use super::diff::{Given, check_budget, costs, write_json};
+use super::destinations::write_json;
+use super::diff::{Given, check_budget, costs};
 use super::figures::{counted, number, optional, plain};
 use crate::failure::{Failure, Result};
 use crate::progress::StageBars;

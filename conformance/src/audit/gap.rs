@@ -43,9 +43,10 @@ const DRAWS: usize = 3;
 /// Scatter of this share of the values says nothing about them.
 pub(super) const SAYS_NOTHING: f64 = 0.1;
 
-/// Products of a node, and elements of a tensor, beyond which nothing is drawn.
+/// Products of a node, and elements of a tensor and of all that are kept, beyond which nothing is drawn.
 const MOST_PRODUCTS: f64 = 1e9;
 const MOST_ELEMENTS: usize = 1 << 22;
+const MOST_KEPT: usize = 1 << 27;
 
 /// What the draws say of a node behind a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,7 +83,10 @@ impl Gaps {
             Held::Derived(value) => Some(centred(value)),
             other => given(other),
         })?;
-        if centre.iter().flatten().any(|value: &Value<Rounded>| value.len() > MOST_ELEMENTS) {
+        let kept: usize = self.drawn.values().flatten().map(Value::len).sum();
+        let too_large =
+            |value: &Value<Rounded>| value.len() > MOST_ELEMENTS || value.len() + kept > MOST_KEPT;
+        if centre.iter().flatten().any(too_large) {
             return None;
         }
         let draw = |draw: usize| -> Option<Vec<Option<Value<f64>>>> {
@@ -104,7 +108,8 @@ impl Gaps {
             let drawn: Vec<Value<f64>> =
                 draws.iter_mut().filter_map(|outputs| outputs.get_mut(k)?.take()).collect();
             let centre = centre.get(k)?.as_ref()?;
-            if drawn.iter().any(|drawn| drawn.shape() != centre.shape()) {
+            // Draws may come to other shapes, or to none, where shapes hang on numbers.
+            if drawn.len() < 2 * DRAWS || drawn.iter().any(|drawn| drawn.shape() != centre.shape()) {
                 return None;
             }
             match held.get(name) {
