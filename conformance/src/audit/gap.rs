@@ -189,8 +189,10 @@ fn weigh(found: &TypedTensor, centre: &Value<Rounded>, drawn: &[Value<f64>]) -> 
         draws.iter().map(|draw| Scatter::of(draw, &centre)).reduce(Scatter::joined).unwrap_or_default()
     };
     let (usual, most) = (joined(&drawn_numbers[..DRAWS]), joined(&drawn_numbers[DRAWS..]));
-    let size = Scatter::of(&centre, &vec![0.0; centre.len()]);
-    let grade = if usual.root_mean_square() > SAYS_NOTHING * size.root_mean_square() {
+    let finite: Vec<f64> = centre.iter().copied().filter(|y| y.is_finite()).collect();
+    let size = Scatter::of(&finite, &vec![0.0; finite.len()]).root_mean_square();
+    let scatter = usual.root_mean_square();
+    let grade = if !scatter.is_finite() || scatter > SAYS_NOTHING * size {
         Grade::NotComparable
     } else if error.share(&usual) <= LAMBDA {
         Grade::G1
@@ -271,5 +273,66 @@ impl Scatter {
         [share(|s| s.largest), share(Self::root_mean_square), share(|s| s.factor)]
             .into_iter()
             .fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::onnx::element::ElementType;
+    use vitruvian_reference::nn::Tensor;
+
+    const COUNT: usize = 400;
+
+    fn wave(phase: f64) -> Vec<f64> {
+        (0..COUNT).map(|i| (i as f64 * 12.9898 + phase).sin()).collect()
+    }
+
+    /// What is said of numbers off by these differences, where draws scatter by `usual` and ten times as far.
+    fn weighed(differences: &[f64], usual: f64) -> Grade {
+        let centre = wave(0.0);
+        let value = |data: Vec<f64>| Value::from_numbers(ElementType::F64, Tensor::new(&[COUNT], data));
+        let drawn = |size: f64, phase: f64| {
+            value(centre.iter().zip(wave(phase)).map(|(y, noise)| y + size * noise).collect())
+        };
+        let draws: Vec<Value<f64>> = (0..2 * DRAWS)
+            .map(|draw| drawn(if draw < DRAWS { usual } else { 10.0 * usual }, 1.0 + draw as f64))
+            .collect();
+        let found = centre.iter().zip(differences).map(|(y, d)| y + d).collect();
+        let found =
+            TypedTensor::new(&[COUNT], crate::onnx::typed_tensor::Elements::F64(found)).expect("a tensor");
+        let exact = Tensor::new(&[COUNT], centre.iter().map(|&y| Rounded::exact(y)).collect());
+        weigh(&found, &Value::from_numbers(ElementType::F64, exact), &draws).grade
+    }
+
+    #[test]
+    fn differences_are_graded_by_the_scatter_of_the_draws() {
+        let off = |size: f64| -> Vec<f64> { wave(9.0).into_iter().map(|noise| size * noise).collect() };
+        assert_eq!(weighed(&off(0.0), 1e-6), Grade::G1, "none");
+        assert_eq!(weighed(&off(2e-6), 1e-6), Grade::G1, "twice the usual scatter");
+        assert_eq!(weighed(&off(2e-5), 1e-6), Grade::G2, "as the largest roundings scatter");
+        assert_eq!(weighed(&off(2e-4), 1e-6), Grade::G3, "beyond them");
+        assert_eq!(weighed(&off(2e-4), 0.5), Grade::NotComparable, "draws that say nothing");
+        assert_eq!(weighed(&off(0.0), f64::INFINITY), Grade::NotComparable, "draws that overflow");
+        let mut one = off(0.0);
+        one[7] = 1e-3;
+        assert_eq!(weighed(&one, 1e-6), Grade::G3, "a single element");
+    }
+
+    #[test]
+    fn an_integer_may_differ_where_a_draw_decides_otherwise() {
+        let integers = |data: [i64; 3]| {
+            Value::<f64>::from_integers(ElementType::I64, Tensor::new(&[3], data.to_vec())).expect("integers")
+        };
+        let found = |data: [i64; 3]| {
+            TypedTensor::new(&[3], crate::onnx::typed_tensor::Elements::I64(data.to_vec())).expect("a tensor")
+        };
+        let centre =
+            Value::from_integers(ElementType::I64, Tensor::new(&[3], vec![4, 5, 6])).expect("integers");
+        let mut draws = vec![integers([4, 5, 6]); 2 * DRAWS];
+        draws[1] = integers([4, 5, 7]);
+        let grade = |data: [i64; 3]| weigh(&found(data), &centre, &draws).grade;
+        assert_eq!(grade([4, 5, 9]), Grade::G1, "open");
+        assert_eq!(grade([4, 6, 6]), Grade::G3, "decided alike by all draws");
     }
 }

@@ -307,7 +307,14 @@ fn in_pieces(
             .map(|(source, operand)| match (source, operand) {
                 (Source::Made(tensor), _) => Value::of(tensor).map(Some),
                 (Source::Whole, Some(operand)) => reading.value(*operand, None).map(Some),
-                (Source::Part(region), Some(operand)) => reading.value(*operand, Some(region)).map(Some),
+                (Source::Part(region), Some(operand)) if region.fits(operand.shape()) => {
+                    reading.value(*operand, Some(region)).map(Some)
+                }
+                (Source::Part(_), Some(operand)) => Err(format!(
+                    "an operand of shape {:?} does not fit the output's {:?}",
+                    operand.shape(),
+                    found.shape
+                )),
                 _ => Ok(None),
             })
             .collect::<Result<Vec<_>, String>>()?;

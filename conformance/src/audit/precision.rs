@@ -86,9 +86,10 @@ impl Precision {
         (share + own) * expected.magnitude + expected.terms * self.subnormal
     }
 
-    /// u·m, and never less than η: the unit in which differences are stated.
+    /// u·m, and never less than η: the unit in which differences are stated; infinite where m is unknown.
     pub fn csu(&self, expected: &Rounded) -> f64 {
-        (self.unit * expected.magnitude).max(self.subnormal)
+        let unit = self.unit * expected.magnitude;
+        if unit.is_nan() { f64::INFINITY } else { unit.max(self.subnormal) }
     }
 
     /// Judges one element.

@@ -200,6 +200,21 @@ fn nodes_whose_tensors_are_missing_are_judged_with_the_next() {
     assert_eq!(node_verdict(&audit.nodes, "r1"), Grade::NotComparable, "nobody knows which of the two");
 }
 
+#[test]
+fn an_operand_that_does_not_fit_is_said_of_a_large_node_too() {
+    let operand = |name: &str, shape: &[usize]| cases_for_tests::numbers(name, shape);
+    let mut case = cases_for_tests::case(
+        "InstanceNormalization",
+        vec![operand("x", &[1, 4, 160, 160]), operand("scale", &[4]), operand("bias", &[4])],
+        vec![],
+    );
+    assert!(judge(&case, 1e9).verdict <= Grade::G1, "right");
+    case.operands[1] = operand("none", &[0]);
+    let judgement = judge(&case, 1e9);
+    assert_eq!(judgement.verdict, Grade::NotComparable);
+    assert!(judgement.why.as_ref().is_some_and(|why| why.contains("shape [0]")), "{:?}", judgement.why);
+}
+
 /// Eight layers of Conv → InstanceNormalization → Relu and a Softmax: deep enough that no bound reaches its end. An attribute
 /// of the fourth normalisation, and of it alone, may be another; and the end may be multiplied.
 fn deep(epsilon: f32, factor: Option<f32>) -> Model {
