@@ -167,9 +167,10 @@ fn centred(value: &Value<Rounded>) -> Value<Rounded> {
 fn move_by_rounding(value: &mut Value<f64>, centre: &Value<Rounded>, at_most: bool, random: &mut ChaCha8Rng) {
     let Some(unit) = value.element.unit_roundoff() else { return };
     if let (Data::Numbers(numbers), Ok(centre)) = (&mut value.data, centre.numbers()) {
-        for (x, centre) in numbers.data.iter_mut().zip(&centre.data).filter(|(_, centre)| centre.terms > 0.0)
+        for (x, centre) in numbers.data.iter_mut().zip(&centre.data).filter(|(_, centre)| centre.terms != 0.0)
         {
             let roundings = if at_most { centre.terms } else { centre.terms.sqrt() };
+            // Not a number where the bound is unknown: then the draw is none either, and says nothing.
             let size = roundings * unit * centre.magnitude;
             *x += if random.random() { size } else { -size };
         }

@@ -96,7 +96,11 @@ impl Measure {
 
     /// Root mean square of the bounds over that of the values: at least one where nothing is promised.
     pub fn slack(&self) -> f64 {
-        if self.bound_squares == 0.0 { 0.0 } else { (self.bound_squares / self.value_squares).sqrt() }
+        if self.bound_squares == 0.0 {
+            return 0.0;
+        }
+        let slack = (self.bound_squares / self.value_squares).sqrt();
+        if slack.is_nan() { f64::INFINITY } else { slack }
     }
 
     /// Whether an element's bound is infinite.
@@ -388,6 +392,16 @@ mod tests {
             measure.report("x", &[64], None).effective_bits.expect("differences")
         };
         assert!((bits(2f64.powi(-12)) - 12.0).abs() < 0.01, "{}", bits(2f64.powi(-12)));
+    }
+
+    #[test]
+    fn a_bound_that_is_unknown_promises_nothing() {
+        for magnitude in [f64::NAN, f64::INFINITY] {
+            let mut measure = Measure::new(ElementType::F32, 1);
+            measure.number(|| 0, 1.5, &Rounded { value: 1.0, magnitude, terms: 3.0 });
+            assert!(measure.is_unbounded() && measure.slack() == f64::INFINITY, "{magnitude}");
+            assert_eq!(measure.verdict(), Verdict::Unusual, "{magnitude}: it accuses nobody");
+        }
     }
 
     #[test]
