@@ -36,7 +36,7 @@ pub(super) fn suspicions(trial: &Trial) -> Vec<Suspicion> {
 }
 
 /// Another axis.
-fn axes(trial: &Trial, default: i64) -> Vec<Suspicion> {
+pub(super) fn axes(trial: &Trial, default: i64) -> Vec<Suspicion> {
     let rank = trial.shape(0).map_or(0, <[usize]>::len) as i64;
     let is = int(trial.node(), "axis", default);
     let others = (0..rank).filter(|&axis| axis != is && axis != is + rank);

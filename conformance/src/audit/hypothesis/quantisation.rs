@@ -3,11 +3,11 @@
 use vitruvian_reference::nn::Rounded;
 
 use super::Suspicion;
-use super::change::{Meaning, attributes, chosen, elements, int, operand, operand_arranged, operand_then};
+use super::change::{Meaning, chosen, elements, operand, operand_arranged, operand_then};
+use super::indexing::axes;
 use super::requantisation::{admissible, unrounded};
 use super::trial::Trial;
 use crate::certificate::UNIT_ROUNDOFF;
-use crate::onnx::builder;
 use crate::onnx::element::ElementType;
 use crate::onnx::value::{Data, Value};
 
@@ -68,7 +68,7 @@ pub(super) fn suspicions(trial: &Trial) -> Vec<Suspicion> {
         }
     }
     if matches!(trial.operator(), "QuantizeLinear" | "DequantizeLinear") {
-        all.extend(axes(trial));
+        all.extend(axes(trial, 1));
     }
     if trial.operator() == "QuantizeLinear" {
         all.push(Suspicion::new(
@@ -201,19 +201,4 @@ fn of_channels(trial: &Trial, what: &str, place: usize) -> Vec<Suspicion> {
             operand_arranged(place, chosen(0, (0..count).map(|c| (c + count - 1) % count).collect())),
         ),
     ]
-}
-
-fn axes(trial: &Trial) -> Vec<Suspicion> {
-    let rank = trial.shape(0).map_or(0, <[usize]>::len) as i64;
-    let is = int(trial.node(), "axis", 1);
-    (0..rank)
-        .filter(|&axis| axis != is && axis != is + rank)
-        .map(|axis| {
-            Suspicion::new(
-                "axis",
-                format!("axis is {is} in the graph; {axis} explains the numbers"),
-                attributes(vec![builder::int("axis", axis)]),
-            )
-        })
-        .collect()
 }
